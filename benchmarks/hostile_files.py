@@ -38,8 +38,8 @@ _WEAK = re.compile(r'codec can|Expecting value|Traceback|object at 0x|'
 
 
 def run(words: Sequence[str], within: pathlib.Path, limit_s: float = LIMIT_S, *,
-        before: Callable[[], object] = lambda: None, stop: tuple[float, int] | None = None
-        ) -> tuple[int | str, str, float]:
+        before: Callable[[], object] = lambda: None, stop: tuple[float, int] | None = None,
+        memory_bytes: int = MEMORY_BYTES) -> tuple[int | str, str, float]:
     """Run a command in a forked process within the limits.
 
     Parameters
@@ -54,6 +54,8 @@ def run(words: Sequence[str], within: pathlib.Path, limit_s: float = LIMIT_S, *,
         Called in the process before the command.
     stop : (float, int), optional
         Seconds after which a signal is sent, and its number.
+    memory_bytes : int
+        Largest address space.
 
     Returns
     -------
@@ -68,7 +70,7 @@ def run(words: Sequence[str], within: pathlib.Path, limit_s: float = LIMIT_S, *,
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # until the child can be asked
     child = os.fork()
     if not child:
-        _child(words, write, within, limit_s, before)
+        _child(words, write, within, limit_s, before, memory_bytes)
     os.close(write)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     if stop is not None:
@@ -93,11 +95,11 @@ def run(words: Sequence[str], within: pathlib.Path, limit_s: float = LIMIT_S, *,
 
 
 def _child(words: Sequence[str], told: int, within: pathlib.Path, limit_s: float,
-           before: Callable[[], object]) -> None:
+           before: Callable[[], object], memory_bytes: int) -> None:
     """Run it in this process, which never returns."""
     status = 99
     try:
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+        resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.setitimer(signal.ITIMER_REAL, _PATIENCE * limit_s)
@@ -113,6 +115,8 @@ def _child(words: Sequence[str], told: int, within: pathlib.Path, limit_s: float
         status = _command(words)
     except SystemExit as error:
         status = error.code if isinstance(error.code, int) else 1
+    except KeyboardInterrupt:  # before the command began
+        status = 130
     except BaseException:
         import traceback
 
@@ -224,7 +228,7 @@ def prepare(images: bool = True) -> None:
         importlib.import_module(f'sar_imaging.tools.exchange.{module}')
     for module in ('products.image', 'products.change', 'products.doctor', 'check_config',
                    'products.radar_constant', 'calibrate', 'loading.load', 'layouts',
-                   'archive.archive', 'simulate'):
+                   'archive.archive', 'simulate', 'simulate_archive', 'measure_costs'):
         importlib.import_module(f'sar_imaging.tools.{module}')
     for module in ('h5py', 'rasterio', 'sarkit.cphd', 'sarkit.sicd', 'scipy.io', 'jbpy',
                    'rosbags.rosbag2', 'rosbags.highlevel', 'pyproj'):

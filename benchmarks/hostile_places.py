@@ -44,12 +44,22 @@ class Output:
         ``{in}`` and ``{out}`` are replaced.
     files : tuple of str
         What it writes into ``{out}``; a name that ends with ``/`` is a folder.
+    patient, reads : bool
+        False where it may refuse what others write over; where it has no inputs.
+    before : callable
+        Called in the process before the command.
+    memory_bytes : int
+        Largest address space.
     """
 
     name: str
     make: Callable[[pathlib.Path], None]
     words: tuple[str, ...]
     files: tuple[str, ...]
+    patient: bool = True
+    reads: bool = True
+    before: Callable[[], None] = lambda: None
+    memory_bytes: int = MEMORY_BYTES
 
 
 def _channels(folder):
@@ -63,6 +73,16 @@ _PICTURE = ('image.npy', 'image.png', 'quality.json', 'report.html')
 def _two_bags(folder):
     made._bag(folder)
     shutil.copytree(folder / 'bag', folder / 'second')
+
+
+def _without_measuring():
+    import numpy as np
+
+    from sar_imaging.planning.costs import DEFAULT
+    from sar_imaging.tools.costs import measurement
+
+    measurement.measure = lambda *_, **__: None
+    measurement.solve = lambda *_: (DEFAULT, np.ones(2))
 
 
 OUTPUTS = (
@@ -79,12 +99,24 @@ OUTPUTS = (
                                                 '--force'), ('new/',)),
     Output('simulate', made._costs, ('simulate', 'psf', '--output', '{out}/new', '--force'),
            ('new/',)),
+    Output('simulate archive', made._costs, (
+        'simulate', 'archive', '--output', '{out}/survey', '--force', '--recordings', '1',
+        '--lines', '1', '--pixels', '64'), ('survey/',)),
+    Output('measure-costs', made._bag, ('measure-costs', '--output', '{out}/costs.json'),
+           ('costs.json',), reads=False, before=_without_measuring),
     Output('image', made._bag, ('image', '{in}/bag', '--output', '{out}', *_SMALL), _PICTURE),
     Output('image, all formats', made._bag, (
         'image', '{in}/bag', '--output', '{out}', *_SMALL, '--format',
         'png,geotiff,sicd,kml,stac'),
         (*_PICTURE, 'image.tif', 'image.nitf', 'image.json', 'overlay.png', 'overlay.kml',
          'overlay.pgw', 'overlay.prj')),
+    Output('image of a volume', made._bag, (
+        'image', '{in}/bag', '--output', '{out}', '--size', '4', '--spacing', '0.5', '--height',
+        '1'), ('volume.npy', 'cloud.ply', 'volume.png', 'quality.json')),
+    Output('archive', made._job, (
+        'archive', '{in}/survey.yaml', '--output', '{out}', '--workers', '1'),
+        ('job.json', 'job.lock', 'plan.txt', 'summary.json', 'mosaic.tif', 'report.html',
+         'catalog.json'), patient=False, memory_bytes=10**11),  # workers map much
     Output('change', _two_bags, (
         'change', '{in}/bag', '{in}/second', '--output', '{out}', *_SMALL),
            ('comparison.json', 'comparison.npz', 'report.html', 'comparison.tif')),
@@ -165,9 +197,9 @@ PLACES: dict[str, tuple[Callable[[Sandbox], object], bool | None]] = {
 
 def _old(target: pathlib.Path) -> None:
     """What an earlier run left: a file, or the folder of a recording."""
-    if target.name.endswith('new'):
+    if (name := {'new': 'metadata.yaml', 'survey': 'archive.json'}.get(target.name)):
         target.mkdir()
-        (target / 'metadata.yaml').write_bytes(OLD)
+        (target / name).write_bytes(OLD)
     else:
         target.write_bytes(OLD)
 
@@ -250,6 +282,9 @@ def campaign(output: Output, names: Sequence[str] = ()) -> dict:
                 continue  # needs the rights to mount one
             options.get('put', lambda s: None)(sandbox)
             refused = options.get('refused')
+            if refused is False and not output.patient or 'input' in name and not output.reads:
+                refused = None
+            before_it = [output.before, options.get('before', lambda: None)]
             if 'at most' in name or 'after' in name:  # old files stay, or new ones are whole
                 sandbox.at_each(_old)
             before = {'inputs': made.digests(sandbox.inputs),
@@ -259,8 +294,8 @@ def campaign(output: Output, names: Sequence[str] = ()) -> dict:
             killed = 'SIGKILL' in name
             try:
                 status, text, _ = run(words, sandbox.others, LIMIT_S,
-                                      before=options.get('before', lambda: None),
-                                      stop=options.get('stop'))
+                                      before=lambda calls=before_it: [c() for c in calls],
+                                      stop=options.get('stop'), memory_bytes=output.memory_bytes)
                 if name in ('a link to the inputs', 'a link to the folder'):
                     before = {}  # new files are beside the old ones: see below
                 wrong = check(sandbox, status, text, before, fresh, refused, killed)

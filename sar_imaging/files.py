@@ -20,7 +20,8 @@ from pathlib import Path
 MOST_TEXT_BYTES = 1_000_000  # of a file that a person writes
 NEW = '.sar_imaging.'  # begin of the names of folders in which files are made
 _LONGEST_TEXT = 500  # characters of an error of another library
-_OBJECT = re.compile(r'<(?:\w+\.)*(\w+) object at 0x\w+>')
+# Objects and exceptions within texts, as Python writes them.
+_OBJECT = re.compile(r'<(?:\w+\.)*(\w+) object at 0x\w+>|\b\w+Error\(([^()]*)\)')
 _inputs: dict[tuple[int, int], Path] | None = None  # device and inode; None outside of commands
 
 
@@ -103,7 +104,7 @@ def naming(path: Path | str, trouble: str, error: type[Exception] = ValueError) 
         raise
     except Exception as problem:
         text = told(problem)
-        named = any(str(name) in text for name in (path, Path(path).name))
+        named = re.search(rf'(?<!\w){re.escape(Path(path).name)}(?!\w)', text)
         if named and (isinstance(problem, error) or _ours(problem)):
             raise
         if named and type(problem).__module__ == 'builtins':
@@ -116,6 +117,8 @@ def told(error: BaseException) -> str:
     text = one_line(str(error))
     if isinstance(error, UnicodeDecodeError):
         return f'it is no text (byte {error.start} is no {error.encoding.upper()})'
+    if isinstance(error, UnicodeEncodeError):
+        return 'its name is no UTF-8'
     if isinstance(error, json.JSONDecodeError):
         return f'it is no JSON (line {error.lineno}, column {error.colno})'
     if isinstance(error, RecursionError):
@@ -129,7 +132,7 @@ def told(error: BaseException) -> str:
 
 def one_line(text: str) -> str:
     """A text in one line of bounded length, without places in memory, for people."""
-    line = printable(' '.join(_OBJECT.sub(r'\1', text).split()))
+    line = printable(' '.join(_OBJECT.sub(r'\1\2', text).split()))
     return line if len(line) <= _LONGEST_TEXT else f'{line[:_LONGEST_TEXT]} ...'
 
 
@@ -228,6 +231,8 @@ def _beside(folder: Path, target: Path) -> Iterator[Path]:
         there = str(error.filename or '')
         if error.errno is None and beside not in str(error) or there and beside not in there:
             raise
+        while isinstance(error.__cause__, OSError):  # of a file within this folder
+            error = error.__cause__
         kind = type(error) if type(error).__module__ == 'builtins' else OSError
         raise kind(f'{target} cannot be written: {error.strerror or told(error)}') from error
 

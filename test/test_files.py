@@ -7,7 +7,14 @@ import os
 import numpy as np
 import pytest
 
-from sar_imaging.files import check_file, filling, protecting_inputs, reading, replacing
+from sar_imaging.files import (
+    check_file,
+    filling,
+    one_line,
+    protecting_inputs,
+    reading,
+    replacing,
+)
 from sar_imaging.numpy_files import open_npz, read_npy
 
 SAME = {'itself': lambda there, link: there, 'symlink': lambda there, link: link.symlink_to(there),
@@ -58,6 +65,18 @@ def test_a_folder_that_holds_an_input_is_not_replaced(tmp_path):
         check_file(tmp_path / 'bag' / 'data')
         with pytest.raises(FileExistsError), replacing(tmp_path / 'bag', folder=True):
             pass
+
+
+def test_texts_of_other_libraries_are_for_people():
+    assert one_line('malformed: <ast.BinOp object at 0x7f5a>,\n no KeyError("version")\x1b') == (
+        'malformed: BinOp, no "version"\\x1b')
+
+
+def test_a_disk_that_is_full_is_told_of_the_place_that_was_named(tmp_path):
+    with pytest.raises(OSError, match='out cannot be written: No space') as full, \
+            filling(tmp_path / 'out') as folder, replacing(folder / 'cloud.ply'):
+        raise OSError(28, 'No space left on device')
+    assert '.sar_imaging.' not in str(full.value)
 
 
 def test_pipes_are_told_and_not_opened(tmp_path):

@@ -133,9 +133,11 @@ class Section:
         if isinstance(value, str) and _number(value) is None:
             value = self._stored(key, value)
         try:
+            if np.array(value).dtype.kind in 'bc':
+                raise TypeError
             # YAML takes 1e-9 for a text (1.0e-9 is a number); people write both.
             out = np.array(value, np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise self.error(key, 'numbers, or the name of a variable that holds them') from None
         if not np.isfinite(out).all():
             raise self.error(key, 'finite numbers')

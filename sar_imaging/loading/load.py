@@ -187,7 +187,8 @@ def _load(description: Path, data: Path | str | None, changes: Mapping[str, obje
         weights = calibration_weights(folder / top.text('calibration'), pulses.n_channels,
                                       real_samples=pulses.radar.waveform in _REAL)
         pulses = dataclasses.replace(pulses, samples=pulses.samples * weights)
-    used, pulses = _choose(top, pulses)
+    used, pulses, lost = _choose(top, pulses)
+    warnings += lost
     if section.flag('remove_background'):
         pulses = subtract_background(pulses)
     scene = read_scene(top.section('scene', scene_section.KEYS))
@@ -270,7 +271,7 @@ def _read_pulses(top: Section, section: Section, folder: Path, data: DataFiles
     array = read_array(top.section('array', virtual_array.KEYS), values.shape[1], n_receivers)
     clock = top.section('times', times.KEYS)
     stored = _own_file(clock, 'times', folder, data)
-    time_ns, counter = times.read_times(clock, len(values), stored.joined)
+    time_ns, counter = times.read_times(clock, len(values), stored.real)
     return PulseBlock(radar, compressed, time_ns, counter, values), array, shape
 
 
@@ -305,20 +306,31 @@ def _read_positions(top: Section, folder: Path, data: DataFiles, shape: tuple[in
                                        _own_file(section, 'positions', folder, data))
     keys = top.section('radar', radar_section.KEYS)
     values, radar = radar_section.reference_to_one_range(
-        keys, data.joined, pulses.radar, pulses.samples, position_m)
+        keys, data.real, pulses.radar, pulses.samples, position_m)
     return position_m, dataclasses.replace(pulses, radar=radar, samples=values)
 
 
-def _choose(top: Section, pulses: PulseBlock) -> tuple[np.ndarray, PulseBlock]:
-    """Which pulses are used, (P,) bool, and these, counted from 0 where they had no numbers."""
+def _choose(top: Section, pulses: PulseBlock
+            ) -> tuple[np.ndarray, PulseBlock, tuple[str, ...]]:
+    """Which pulses are used, (P,) bool; these, counted where they had no numbers; warnings."""
     section = top.section('times', times.KEYS)
-    used = times.used_pulses(section, pulses.stamp_ns)
+    wanted = times.used_pulses(section, pulses.stamp_ns)
+    used = wanted & [bool(np.isfinite(samples).all()) for samples in pulses.samples]
+    warnings = ()
+    if n_lost := int(wanted.sum() - used.sum()):
+        text = f'{n_lost} of {wanted.sum()} pulses hold NaN or infinity'
+        if used.sum() < 2:
+            raise DescriptionError(f'samples: {text}; expected finite numbers: check '
+                                   'samples.dtype and samples.scale')
+        warnings = (f'{text} and are left out, the first is number '
+                    f'{np.flatnonzero(wanted & ~used)[0]}',)
     if not used.all():
         pulses = pulses.select(used)
-    counter = np.arange(pulses.n_pulses)
+    counter = np.flatnonzero(used)
     if 'counter' in section or 'topic' in top.section('samples', samples.KEYS):
-        counter = pulses.counter - pulses.counter[0]  # gaps show lost pulses
-    return used, dataclasses.replace(pulses, counter=counter)
+        counter = pulses.counter
+    counter = counter - counter[0]  # gaps show lost pulses
+    return used, dataclasses.replace(pulses, counter=counter), warnings
 
 
 def _alignment(section: Section, array: VirtualArray, has_poses: bool) -> Alignment:

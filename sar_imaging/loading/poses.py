@@ -119,14 +119,14 @@ def _stamps(section: Section, values: np.ndarray) -> np.ndarray:
 
 
 def _arrays(section: Section, data: DataFiles) -> PoseTable:
-    time_ns = _stamps(section, data.joined(section.text('times')).reshape(-1))
-    position_m = data.joined(section.text('positions')).astype(np.float64)
+    time_ns = _stamps(section, data.real(section.text('times')).reshape(-1))
+    position_m = data.real(section.text('positions')).astype(np.float64)
     if position_m.shape != (time_ns.size, 3):
         raise section.error('positions', f'shape ({time_ns.size}, 3), one position for each time',
                             f'its shape is {position_m.shape}')
     if 'quaternions' not in section:
         return PoseTable(time_ns, position_m, _level(time_ns.size))
-    quaternion = data.joined(section.text('quaternions')).astype(np.float64)
+    quaternion = data.real(section.text('quaternions')).astype(np.float64)
     if quaternion.shape != (time_ns.size, 4):
         raise section.error('quaternions', f'shape ({time_ns.size}, 4)',
                             f'its shape is {quaternion.shape}')

@@ -56,6 +56,9 @@ def read_samples(section: Section, data: DataFiles) -> tuple[np.ndarray, tuple[i
     if array.ndim != len(axes):
         raise section.error('axes', f'{array.ndim} axes for the shape {array.shape}',
                             f'known are {", ".join(AXES)}, the first changes slowest')
+    if not array.size:
+        raise DescriptionError(f'{data.paths[0].name} holds no samples: its shape is '
+                               f'{array.shape}')
     order = [i for label in AXES for i, a in enumerate(axes) if a == label]
     shape = dict.fromkeys(AXES, 1)
     for label, size in zip(axes, array.shape, strict=True):

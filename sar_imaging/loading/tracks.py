@@ -70,7 +70,7 @@ def read_unit(section: Section) -> float:
 def _stored(section: Section, key: str, data) -> np.ndarray:
     # float64 before any difference is taken: a range is kilometres and a phase millimetres.
     if key == 'variable':
-        position_m = data.joined(section.text('variable')).astype(np.float64)
+        position_m = data.real(section.text('variable')).astype(np.float64)
         if position_m.ndim != 2 or position_m.shape[1] != 3:
             raise section.error('variable', 'an array of shape (pulses, 3)',
                                 f'its shape is {position_m.shape}: store it transposed'
@@ -80,7 +80,7 @@ def _stored(section: Section, key: str, data) -> np.ndarray:
         names = section.raw('variables')
         if not isinstance(names, list) or len(names) != 3:
             raise section.error('variables', 'the names of x, y and z')
-        axes = [data.joined(str(name)).reshape(-1).astype(np.float64) for name in names]
+        axes = [data.real(str(name)).reshape(-1).astype(np.float64) for name in names]
         if len({axis.size for axis in axes}) > 1:
             raise section.error('variables', 'x, y and z of one length',
                                 f'they hold {", ".join(str(a.size) for a in axes)} numbers')

@@ -278,6 +278,8 @@ def test_calibration_is_removed(tmp_path):
     ({'samples.iq': 'iiqq'}, 'samples.iq: expected complex for complex numbers'),
     ({'samples.variable': 'x'}, 'd.npz has no variable x; it has b, s'),
     ({'samples.file': 'x.npz'}, 'holds no file x.npz; name the folder with the data'),
+    ({'samples.file': ''}, 'is a folder; expected a file'),
+    ({'samples.scale': 1e300}, '12 of 12 pulses hold NaN or infinity'),
     ({'samples.sha256': '12'}, 'expected the file that the description was made for'),
     ({'radar.slope_hz_per_s': 30}, 'MHz/us'),
     ({'radar.pulse_length_s': 1e-6}, 'no such key for the waveform fmcw, got 1e-06'),
@@ -293,6 +295,7 @@ def test_calibration_is_removed(tmp_path):
     ({'times.use_s': 3}, 'times.use_s: expected 2 numbers, got 3'),
     ({'times.variable': 'b', 'times.unit_s': 1}, 'a time of 1.7e+18 s; expected finite seconds'),
     ({'times.variable': 't'}, 'times: d.npz has no variable t; it has b, s'),
+    ({'times.variable': 's'}, 's holds complex numbers'),
     ({'times': {}}, 'times.variable: expected the name of a variable with the times of'),
     ({'positions.arc': {}}, 'exactly one of variable, variables'),
     ({'alignment.time_offset_s': 1}, 'no offset for positions'),
@@ -302,6 +305,7 @@ def test_calibration_is_removed(tmp_path):
     ({'scene.size_m': [-1, 1]}, 'scene.size_m: expected positive lengths'),
     ({'scene.spacing_m': 50}, 'scene.spacing_m: expected metres from pixel to pixel, at most'),
     ({'scene.spacing_m': 1e-6}, 'expected a map of at most 1e+10 pixels, got 1e-06; 4 m by 4 m'),
+    ({'scene.spacing_m': True}, 'scene.spacing_m: expected numbers, or the name'),
     ({'scene.window': 'hanning'}, "scene.window: expected a window, got 'hanning'; window="),
     ({'scene.scatterers': {'a': [9, 9, 0]}}, 'expected a map with all scatterers'),
     ({'scene.scatterers': {'a': [9, 9]}}, 'scene.scatterers.a: expected [x, y, z] or')])
@@ -320,6 +324,19 @@ def test_positions_and_times_of_another_number_are_told(tmp_path):
             ({'times': {'interval_s': None, 'variable': 'r'}}, 'times that ascend')):
         with pytest.raises(DescriptionError, match=message):
             load(described(tmp_path, **part))
+
+
+def test_pulses_that_are_not_finite_are_left_out(tmp_path):
+    samples = SAMPLES.copy()
+    samples[3, 1, 2] = np.nan
+    np.savez(tmp_path / 'd.npz', s=samples)
+    loaded = load(described(tmp_path))
+    left = np.delete(np.arange(P), 3)
+    np.testing.assert_array_equal(loaded.block.samples, SAMPLES[left])
+    np.testing.assert_allclose(loaded.block.tx_m, BLOCK_CENTRES[0][left], atol=1e-12)
+    assert loaded.block.counter.tolist() == left.tolist()
+    assert loaded.warnings == ('1 of 12 pulses hold NaN or infinity and are left out, the first '
+                               'is number 3',)
 
 
 def test_scene_without_a_grid_lies_around_its_scatterers(tmp_path):

@@ -42,12 +42,12 @@ def find_files(folder: Path, pattern: str, key: str) -> list[Path]:
         raise DescriptionError(f'{key}: {pattern} names every folder below; expected a file, or a '
                                "pattern such as '*.mat'")
     given = folder / pattern
-    files = [given] if given.is_file() else sorted(folder.glob(pattern)) if not Path(
-        pattern).is_absolute() else []
     if given.is_dir():
         raise DescriptionError(f'{key}: {given} is a folder; expected a file, or a bag whose '
                                'topic samples.topic names')
-    files = [file for file in files if file.is_file()]
+    alone = given.is_file() or Path(pattern).is_absolute()
+    found = [given] if alone else sorted(folder.glob(pattern))
+    files = [file for file in found if file.is_file()]
     if not files:
         raise DescriptionError(f'{key}: {folder} holds no file {pattern}; name the folder with '
                                'the data as second argument, or correct the name')
@@ -88,6 +88,14 @@ class DataFiles:
                 f'{self.paths[other].name}: {name}.shape={parts[other].shape} does not continue '
                 f'{parts[0].shape} of {self.paths[0].name}; load files of one recording at a time')
         return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=axis)
+
+    def real(self, name: str) -> np.ndarray:
+        """As `joined`, of numbers that are not complex."""
+        array = self.joined(name)
+        if array.dtype.kind == 'c':
+            raise DescriptionError(f'{self.paths[0].name}: {name} holds complex numbers; expected '
+                                   'real ones')
+        return array
 
     def same(self, name: str) -> np.ndarray:
         """A variable that must be equal in all files."""

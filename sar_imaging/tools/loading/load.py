@@ -86,10 +86,17 @@ def _write(arguments: argparse.Namespace) -> str:
         check_target(arguments.output, overwrite=arguments.force)
     loaded = load(arguments.description, arguments.data, changes=_changes(arguments.changes),
                   read_bag=read_bag_poses, read_frames=read_bag_frames)
-    output = arguments.output or Path('out/bags') / loaded.name
+    output = arguments.output or Path('out/bags') / _folder(loaded.name)
     check_target(output, overwrite=arguments.force)
     with naming(arguments.description, 'makes no recording', DescriptionError):
         return _write_loaded(loaded, output, arguments)
+
+
+def _folder(name: str) -> str:
+    """A name of a folder, nothing else that a description of somebody else may tell."""
+    if Path(name).name != name or not name.isprintable():
+        raise DescriptionError(f'name: {name!r} is no name of a folder; give one by --output')
+    return name
 
 
 def _write_loaded(loaded: Loaded, output: Path, arguments: argparse.Namespace) -> str:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import bz2
 import contextlib
 import functools
+import os
 import sqlite3
 import struct
 import urllib.parse
@@ -200,7 +201,7 @@ def _expanded(compression: bytes, data: bytes, most: int) -> int:
 
 def _check_sqlite(path: Path, *_: int) -> None:
     """Refuse a database that holds anything but tables and their indices."""
-    name = f'file:{urllib.parse.quote(str(path))}?immutable=1&mode=ro'
+    name = f'file:{urllib.parse.quote(os.fsencode(path))}?immutable=1&mode=ro'
     with contextlib.closing(sqlite3.connect(name, uri=True)) as db:
         odd = db.execute("SELECT type, name FROM sqlite_master WHERE type NOT IN ('table', "
                          "'index') OR type = 'table' AND NOT rootpage > 0").fetchone()

@@ -154,6 +154,13 @@ def test_what_is_wrong_is_one_line(folder, arguments, message, capsys):
     assert not (folder / 'bag').exists()
 
 
+def test_a_description_names_no_folder_elsewhere(folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    assert main(['mine.yaml', '--set', 'name=../elsewhere']) == 1
+    assert "name: '../elsewhere' is no name of a folder" in capsys.readouterr().err
+    assert not (folder / 'out').exists()
+
+
 def test_nothing_is_estimated_of_positions(folder, capsys):
     path = str(folder / 'mine.yaml')
     line = 'positions={line: {first_m: [0, 0, 1], last_m: [1, 0, 1]}}'
