@@ -20,8 +20,9 @@ from pathlib import Path
 MOST_TEXT_BYTES = 1_000_000  # of a file that a person writes
 NEW = '.sar_imaging.'  # begin of the names of folders in which files are made
 _LONGEST_TEXT = 500  # characters of an error of another library
-# Objects and exceptions within texts, as Python writes them.
-_OBJECT = re.compile(r'<(?:\w+\.)*(\w+) object at 0x\w+>|\b\w+Error\(([^()]*)\)')
+_OF_PYTHON = (  # within texts, and what a person reads in their place
+    (re.compile(r'<(?:\w+\.)*(\w+) object at 0x\w+>|\b\w+Error\(([^()]*)\)'), r'\1\2'),
+    (re.compile(r"'[\w-]+' codec can't [^:]*: [a-z ]+"), 'it is no text'))
 _inputs: dict[tuple[int, int], Path] | None = None  # device and inode; None outside of commands
 
 
@@ -131,8 +132,10 @@ def told(error: BaseException) -> str:
 
 
 def one_line(text: str) -> str:
-    """A text in one line of bounded length, without places in memory, for people."""
-    line = printable(' '.join(_OBJECT.sub(r'\1\2', text).split()))
+    """A text in one line of bounded length, without what only Python calls so, for people."""
+    for pattern, words in _OF_PYTHON:
+        text = pattern.sub(words, text)
+    line = printable(' '.join(text.split()))
     return line if len(line) <= _LONGEST_TEXT else f'{line[:_LONGEST_TEXT]} ...'
 
 

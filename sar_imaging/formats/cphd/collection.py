@@ -68,6 +68,11 @@ class Collection:
     polarisations: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self):
+        texts = [getattr(self, f.name) for f in dataclasses.fields(self)[:-2]]
+        if isinstance(self.channels, str) or not all(
+                isinstance(text, str) for text in [*texts, *self.channels]):
+            raise CphdError('names of a collection are no texts; expected texts, channels a '
+                            'tuple of them')
         object.__setattr__(self, 'channels', tuple(self.channels))
         object.__setattr__(self, 'polarisations', tuple(map(tuple, self.polarisations)))
         for name in ('collector_name', 'core_name', 'classification', 'release_info'):

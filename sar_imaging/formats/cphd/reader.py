@@ -280,6 +280,9 @@ class CphdReader:
 
     def _datum_of_file(self) -> Datum:
         """Frame at the reference point of the scene, or at the middle of those of vectors."""
+        model = self.container.text('SceneCoordinates/EarthModel', 'WGS_84')
+        if model != 'WGS_84':
+            raise CphdError(f'{self.container.path}: EarthModel is {model}; expected WGS_84')
         texts = [self.container.text(f'SceneCoordinates/IARP/ECF/{axis}', '') for axis in 'XYZ']
         if all(texts):
             point = np.array([float(text) for text in texts])

@@ -6,6 +6,7 @@ believes no number of a file before it was compared with the size of the file.
 
 from __future__ import annotations
 
+import codecs
 import io
 import itertools
 import logging
@@ -13,10 +14,9 @@ import os
 
 import numpy as np
 
+from ...files import told
 from ..extras import require
 from .pixels import DTYPES
-
-_XML_STARTS = (b'<SICD', b'<?xml', b'<ns', b'<sicd')
 
 
 class _Bounded(io.RawIOBase):
@@ -64,6 +64,7 @@ class SicdContainer:
     def _parse(self):
         etree = require('lxml.etree', 'reading SICD')
         parser = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=False)
+        damage = ''
         for segment in self._nitf['DataExtensionSegments']:
             offset, size = segment['DESDATA'].get_offset(), segment['DESDATA'].get_size()
             if offset + size > self._size:
@@ -71,15 +72,17 @@ class SicdContainer:
                                  f'{offset + size}: it was cut off')
             self._file.seek(offset)
             text = self._file.read(size)
-            if not text.lstrip()[:5].startswith(_XML_STARTS):
+            if not text.removeprefix(codecs.BOM_UTF8).lstrip().startswith(b'<'):
                 continue
             try:
                 root = etree.fromstring(text, parser)
             except (etree.XMLSyntaxError, ValueError) as error:
-                raise ValueError(f'its XML is damaged: {" ".join(str(error).split())}') from None
+                damage = f'; its XML is damaged: {told(error)}'
+                continue
             if etree.QName(root).localname == 'SICD':
                 return root
-        raise ValueError('there is no SICD in it; expected a NITF file with the XML of one')
+        raise ValueError(f'there is no SICD in it{damage}; expected a NITF file with the XML of '
+                         'one')
 
     def read(self, shape: tuple[int, int], pixel_type: str) -> np.ndarray:
         """Pixels of the whole image, in the machine's byte order.

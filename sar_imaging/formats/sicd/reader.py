@@ -97,7 +97,11 @@ def _product(container: SicdContainer, fields: Fields) -> ImageProduct:
     table = fields.table('ImageData/AmpTable') if pixel_type == AMPLITUDE_PHASE else None
     scale = _scale(fields) if pixel_type == INTEGER else 1.0
     samples = decoded(container.read(shape, pixel_type), table, scale)
-    if fields.integer('Grid/Row/Sgn', -1, 1) > 0:
+    signs = [fields.integer(f'Grid/{axis}/Sgn', -1, 1) for axis in ('Row', 'Col')]
+    if signs not in ([-1, -1], [1, 1]):
+        raise ValueError(f'Grid/Row/Sgn={signs[0]}, Grid/Col/Sgn={signs[1]}; expected -1 of both, '
+                         'or +1')
+    if signs[0] > 0:
         samples = samples.conj()
     _put_back_carrier(samples, turns)
     report = Report('SICD', f'{fields.text("ImageFormation/ImageFormAlgo", "of a file")}, '
@@ -118,14 +122,20 @@ def _radiometry(fields: Fields) -> Radiometry | None:
 
 
 def _datum(fields: Fields) -> Datum:
+    if (model := fields.text('GeoData/EarthModel', 'WGS_84')) != 'WGS_84':
+        raise ValueError(f'GeoData/EarthModel={model}; expected WGS_84')
+    place = fields.vector('GeoData/SCP/ECF')
+    try:
+        there = Datum(*(float(part) for part in ecef_to_geographic(place)))
+    except ValueError as error:
+        raise ValueError(f'GeoData/SCP is no place near the Earth: {error}') from None
     text = fields.parameter(DATUM)
     if text is not None:
         try:
             return Datum(**json.loads(text))
         except TypeError as error:
             raise ValueError(f'parameter {DATUM!r} is damaged: {told(error)}') from None
-    place = fields.vector('GeoData/SCP/ECF')
-    return Datum(*(float(part) for part in ecef_to_geographic(place)))
+    return there
 
 
 def _scale(fields: Fields) -> float:

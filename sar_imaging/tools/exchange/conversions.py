@@ -8,6 +8,7 @@ import itertools
 from collections.abc import Iterator
 from pathlib import Path
 
+from sar_imaging.files import naming
 from sar_imaging.formats import read_sicd, write_geotiff
 from sar_imaging.formats.cphd import Collection, CphdReader, write_cphd
 from sar_imaging.geometry.alignment import Alignment
@@ -43,11 +44,9 @@ def recording_to_cphd(source: Path, target: Path, arguments: argparse.Namespace)
     if datum is None:
         raise BagError(f'{source} does not state where on the Earth its frame stands; add --datum '
                        'LATITUDE LONGITUDE HEIGHT')
-    told = (recording.truth or {}).get('collection', {})
-    try:
-        collection = Collection(**told)
-    except TypeError as error:
-        raise BagError(f'{source}: the collection of the recording: {error}') from error
+    with naming(source, 'cannot be converted', BagError):
+        collection = Collection(**(recording.truth or {}).get('collection', {}))
+        scene = _scene(arguments, recording)
     blocks = _located(source, recording)
     first = next(blocks)
     antenna = recording.antenna and recording.antenna.amplitudes()
@@ -55,7 +54,7 @@ def recording_to_cphd(source: Path, target: Path, arguments: argparse.Namespace)
         '\nwarning: written without its antenna: pulses do not tell where it looked')
     n = write_cphd(
         target, with_progress(itertools.chain([first], blocks), len(recording.counter)), datum,
-        _scene(arguments, recording), collection=_named(collection, arguments),
+        scene, collection=_named(collection, arguments),
         domain=arguments.domain, sample_type=arguments.sample_type,
         antenna=None if warning else antenna, overwrite=arguments.force)
     return f'{target}: {n} pulses{warning}'

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sar_imaging.configuration.scene_grid import Coverage
+from sar_imaging.files import naming
 from sar_imaging.formats import Acquisition
 from sar_imaging.formats.acquisition import UNKNOWN
 from sar_imaging.formats.cphd import Collection, CphdReader
@@ -198,7 +199,8 @@ def open_source(path: Path | str, *, aperture: int | None = None,
     """
     path = Path(path)
     if _kind(path) == RECORDING:
-        return _recording(path, aperture, datum)
+        with naming(path, 'cannot be used', SourceError):
+            return _recording(path, aperture, datum)
     if aperture is not None:
         raise SourceError(f'{path}: --aperture is for recordings; a CPHD file has one')
     return _cphd(path, datum)
@@ -225,6 +227,11 @@ def open_apertures(path: Path | str, *, datum: Datum | None = None) -> list[Sour
     path = Path(path)
     if _kind(path) == CPHD:
         return [_cphd(path, datum)]
+    with naming(path, 'cannot be used', SourceError):
+        return _apertures(path, datum)
+
+
+def _apertures(path: Path, datum: Datum | None) -> list[Source]:
     recording = _located_recording(path)
     length = (recording.truth or {}).get('pulses_per_aperture')
     if length is None:
@@ -297,8 +304,9 @@ def _of_recording(recording: Recording, wanted: tuple[int, int], datum: Datum | 
     return Source(path, RECORDING, _geometric(recording), recording.n_samples,
                   recording.compressed, counter, recording.stamp_ns[index], tx_m, rx_m,
                   datum or recording.datum, area, grid, tuple(truth.get('scatterers', ())), read,
-                  tuple(warnings), _half_widths(truth), _collection(path, truth), number,
-                  message_ns, recording.antenna and recording.antenna.amplitudes())
+                  tuple(warnings), _half_widths(truth),
+                  Collection(**truth.get('collection', {})), number, message_ns,
+                  recording.antenna and recording.antenna.amplitudes())
 
 
 def _corners(grid: MapGrid) -> np.ndarray:
@@ -312,13 +320,6 @@ def _geometric(recording: Recording) -> RadarParameters:
     if not recording.by_poses:
         return recording.radar
     return without_range_bias(recording.radar, Alignment(**recording.truth['alignment']))
-
-
-def _collection(path: Path, truth: dict) -> Collection:
-    try:
-        return Collection(**truth.get('collection', {}))
-    except TypeError as error:
-        raise SourceError(f'{path}: the collection of the recording: {error}') from error
 
 
 def _half_widths(truth: dict) -> tuple[float, float] | None:

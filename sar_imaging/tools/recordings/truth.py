@@ -91,8 +91,11 @@ def check_truth(truth: dict) -> None:
     ValueError
         The text names the part, what was expected and what came.
     """
-    for name in ('pulses_per_aperture', 'n_pulses', 'n_channels'):
-        value = truth.get(name, 1)
+    counts = {name: truth.get(name, 1) for name in ('pulses_per_aperture', 'n_pulses',
+                                                    'n_channels')}
+    if isinstance(grid := truth.get('grid'), dict):
+        counts |= {f'grid.{name}': grid[name] for name in ('n_x', 'n_y')}
+    for name, value in counts.items():
         if isinstance(value, bool) or not isinstance(value, int) or value < 1:
             raise ValueError(f'{name} is {value!r}; expected a whole number of at least 1')
     for name, kind in (('grid', dict), ('cut_half_width_m', dict), ('radar', dict),
@@ -102,7 +105,6 @@ def check_truth(truth: dict) -> None:
         if not isinstance(truth.get(name, kind()), kind):
             raise ValueError(f'{name} is {truth[name]!r}; expected a {_KINDS[kind]}')
     if 'grid' in truth:
-        grid = truth['grid']
         MapGrid(grid['centre_m'], grid['n_x'], grid['n_y'], grid['spacing_m'])
     for name, value in truth.get('cut_half_width_m', {}).items():
         if not isinstance(value, int | float) or not 0 < value < math.inf:

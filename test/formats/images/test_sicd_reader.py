@@ -86,6 +86,9 @@ def test_of_any_length_that_is_cut_off(written, tmp_path):
     (b'<NumRows>', b'<NumRows>x', "ImageData/NumRows='x.*; expected a number"),
     (b'>RE32F_IM32F<', b'>RE64F_IM64F<', "PixelType='RE64F_IM64F'; expected one of RE32F"),
     (b'<SS>', b'<SS>-', 'Grid/Row/SS=-.*; expected metres between pixels'),
+    (b'<Sgn>-1', b'<Sgn>0', 'Grid/Row/Sgn=0, Grid/Col/Sgn=-1; expected -1 of both'),
+    (b'>WGS_84<', b'>MARS<', 'EarthModel=MARS; expected WGS_84'),
+    (b'<ECF><X>', b'<ECF><X>999999', 'SCP is no place near the Earth'),
     (b'<SCP>', b'<SCQ>', 'its XML is damaged'),
     (b'<X>', b'<X>nan', 'expected a number'),
     (b'<TEndProc>', b'<TEndProc>-', 'expected an interval of less than a day'),
@@ -101,6 +104,13 @@ def test_absurd_values(written, tmp_path, old, new, told):
         text = text.replace(b'%09d' % length, b'%09d' % (length + grown), 1)
     with pytest.raises(ValueError, match=told):
         read(tmp_path, text)
+
+
+def test_a_mark_of_bytes_before_the_xml(written, tmp_path):
+    length = len(written) - written.index(b'<SICD')
+    text = written.replace(b'<SICD', b'\xef\xbb\xbf<SICD', 1)
+    text = text.replace(b'%09d' % length, b'%09d' % (length + 3), 1)
+    assert read(tmp_path, text).image.shape == read(tmp_path, written).image.shape
 
 
 def test_other_files(tmp_path):
