@@ -56,6 +56,7 @@ class KnownPositions:
         self._blocks: collections.deque[PulseBlock] = collections.deque()
         self._n_pulses = 0
         self._last_input_s = time.monotonic()
+        self._asked_ns = None  # first time of the aperture that was asked for last
         self._timer = None
         self.awaited = False
 
@@ -109,6 +110,8 @@ class KnownPositions:
     def suffices(self, pulses: PulseBlock) -> bool:
         """Whether the track reaches far enough behind pulses, or nothing more comes."""
         self._take_poses()
+        if pulses.stamp_ns[0] != self._asked_ns:  # nothing is received while an image is formed
+            self._asked_ns, self._last_input_s = pulses.stamp_ns[0], time.monotonic()
         if time.monotonic() - self._last_input_s > _PAUSE_S:
             return True
         end = int(pulses.stamp_ns[-1]) + self._reach_ns
