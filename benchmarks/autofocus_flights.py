@@ -4,6 +4,7 @@ Run from the repository root::
 
     python -m benchmarks.autofocus_flights            # random flights
     python -m benchmarks.autofocus_flights --widths   # straight legs, each searched with 4 widths
+    python -m benchmarks.autofocus_flights --rails ../shared/data    # measured ones, likewise
 
 Flights of `sar_imaging.simulation.trials.drone_flights`, UWB and FMCW in turn, hovering, turning
 and on straight legs, with the poses' clock wrong by 0.03 to 2 s. Autofocus is told to expect 1, 3,
@@ -33,8 +34,9 @@ import numpy as np
 from tqdm import tqdm
 
 from sar_imaging.autofocus.models import Geometry
-from sar_imaging.autofocus.offset_search import visible_phase
+from sar_imaging.autofocus.offset_search import BEYOND_S, visible_phase
 from sar_imaging.autofocus.track import PhaseCentreTrack
+from sar_imaging.loading import load
 from sar_imaging.nodes import backprojection_steps
 from sar_imaging.nodes.images.autofocus import ImageFocus
 from sar_imaging.nodes.runtime.stage import COMMON_PARAMETERS
@@ -47,8 +49,11 @@ from sar_imaging.streaming.aperture import ApertureImager
 
 from .support.machine import machine
 
+RAILS = (('team5_rail', 'bwsi2019_team5_rail'), ('team6_rail_fitted', 'bwsi2019_team6_rail'))
+RAIL_OFFSETS_S = (0.1, -0.25, -0.8, 2.0)
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'autofocus_flights.json'
 WIDTH_RESULTS = RESULTS.with_name('autofocus_widths.json')
+RAIL_RESULTS = RESULTS.with_name('autofocus_rails.json')
 SMALLEST_S, LARGEST_S, WIDEST_S = 0.03, 2.0, 5.0
 TIMES = (1.0, 3.0, 10.0, 40.0)  # of the true error, that is searched for
 WIDTHS_S = (0.3, 1.0, 2.0, 5.0)
@@ -183,7 +188,7 @@ def measure(case: Case) -> dict:
                                               *COMMON_PARAMETERS)}
     log = Log()
     focus = ImageFocus(parameters | {'autofocus.time_offset': expected_s}, flight.grid, log)
-    focus.positions = AllPoses(flight, alignment, focus.reach_s)
+    focus.positions = AllPoses(flight, alignment, focus.reach_s + BEYOND_S)
     began, cpu = time.perf_counter(), time.process_time()
     [result] = focus.take([product])
     seconds, cpu = time.perf_counter() - began, time.process_time() - cpu
@@ -253,31 +258,50 @@ def width_cases(seed: int):
                 yield Case(seed, flight, ('cut',), offset_s, expected_s)
 
 
+def rail_cases(data: pathlib.Path):
+    """Measured rail passes, with several errors of the clock and all widths."""
+    for name, folder in RAILS:
+        rail = load(name, data / folder)
+        poses = rail.poses
+        flight = DroneFlight('rail', name, 0.0, rail.block, poses.stamp_ns,
+                             poses.position_m, poses.quaternion, rail.alignment, rail.scene.grid)
+        for offset_s in RAIL_OFFSETS_S:
+            for expected_s in WIDTHS_S:
+                if expected_s >= abs(offset_s):
+                    yield Case(0, flight, (), offset_s, expected_s)
+
+
 def main() -> None:
     """Measure and write the results, which grow flight by flight."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n', 1)[0])
     parser.add_argument('--flights', type=int, default=200, metavar='N')
     parser.add_argument('--first', type=int, default=60_000, metavar='SEED')
     parser.add_argument('--widths', action='store_true', help='straight legs with all widths')
+    parser.add_argument('--rails', type=pathlib.Path, metavar='FOLDER', help='measured passes')
     parser.add_argument('--output', type=pathlib.Path, help=f'instead of {RESULTS.name}')
     parser.add_argument('--go-on', action='store_true',
                         help='keep the flights in the output and measure those that lack')
     parser.add_argument('--minutes', type=float, default=1e9, help='stop after so many')
     arguments = parser.parse_args()
     began = time.monotonic()
-    output = arguments.output or (WIDTH_RESULTS if arguments.widths else RESULTS)
+    output = arguments.output or (RAIL_RESULTS if arguments.rails else
+                                  WIDTH_RESULTS if arguments.widths else RESULTS)
     results = {'machine': machine(), 'summary': {}, 'flights': []}
     if arguments.go_on:
         results = json.loads(output.read_text())
-    known = {(row['seed'], row['offset_s'], row['expected_s']) for row in results['flights']}
-    for seed in tqdm(range(arguments.first, arguments.first + arguments.flights)):
-        for case in width_cases(seed) if arguments.widths else [random_case(seed)]:
-            key = seed, round(case.offset_s, 4), round(case.expected_s, 3)
-            if key in known or time.monotonic() - began > 60 * arguments.minutes:
-                continue
-            results['flights'].append(measure(case))
-            results['summary'] = summary(results['flights'])
-            output.write_text(json.dumps(results, indent=1) + '\n')
+    known = {(row['seed'], row['radar'], row['offset_s'], row['expected_s'])
+             for row in results['flights']}
+    seeds = range(arguments.first, arguments.first + arguments.flights)
+    cases = (rail_cases(arguments.rails) if arguments.rails else
+             (case for seed in seeds for case in width_cases(seed)) if arguments.widths else
+             map(random_case, seeds))
+    for case in tqdm(cases):
+        key = case.seed, case.flight.radar_kind, round(case.offset_s, 4), round(case.expected_s, 3)
+        if key in known or time.monotonic() - began > 60 * arguments.minutes:
+            continue
+        results['flights'].append(measure(case))
+        results['summary'] = summary(results['flights'])
+        output.write_text(json.dumps(results, indent=1) + '\n')
 
 
 if __name__ == '__main__':

@@ -2,8 +2,9 @@
 
 - `autofocus`: estimates errors, images again, accepts only sharper images (`report`);
 - `evidence`: whether to use an answer, and to claim it;
-- `models`, `offset_models`, `alignment_model`, `track`: geometries with unknown parameters;
-- `search`, `offset_search`, `residual`, `agreement`: estimates of the parameters, and checks;
+- `models`, `alignment_model`, `track`: geometries with unknown parameters;
+- `search`, `residual`: estimates of the parameters; `offset_search`, `offset_curve`: of an
+  offset of the clocks, and what that is worth;
 - `tiles`: image tiles around bright points;
 - `phase_gradient`: phase gradient autofocus of polar images; `live`: autofocus in the nodes.
 """

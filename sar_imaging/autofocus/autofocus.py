@@ -16,7 +16,6 @@ from ..imaging.imager import plan_image
 from ..quality.measures import contrast, entropy
 from ..signal.pulses import PulseBlock
 from . import evidence
-from .agreement import disagreement_rad
 from .evidence import (
     CLEARLY,
     FEW_UNKNOWNS,
@@ -24,10 +23,20 @@ from .evidence import (
     LARGEST_DISAGREEMENT_RAD,
     LEAST_COHERENCE,
     LEAST_TO_CLAIM,
+    disagreement_rad,
 )
-from .models import Geometry, GeometryModel, apply_geometry, nominal, with_track_error
+from .models import (
+    OFFSET,
+    Geometry,
+    GeometryModel,
+    apply_geometry,
+    by_offset,
+    narrowed,
+    nominal,
+    with_track_error,
+    within,
+)
 from .offset_curve import OffsetCurve
-from .offset_models import OFFSET, by_offset, narrowed, within
 from .offset_search import COVERED, OffsetSearch, coverage
 from .report import PARAMETERS, PHASES, AutofocusReport, AutofocusResult, found_in_words
 from .residual import Residual, absorb, along_sight, estimate_residual
@@ -36,6 +45,7 @@ from .tiles.points import bright_points
 
 if TYPE_CHECKING:
     from ..backends.protocol import Backend
+    from ..geometry.illumination import AntennaPattern
 
 __all__ = ['Autofocus', 'AutofocusReport', 'AutofocusResult']
 _logger = logging.getLogger(__name__)
@@ -77,8 +87,12 @@ class Autofocus:
         From a PulseBlock to its image on the grid; exact backprojection if left out.
     target_db : float
         Largest error of images by exact backprojection against correlation to plan for, dB.
+    illumination : AntennaPattern, optional
+        Of exact backprojection, as for `plan_image`.
     backend : str or Backend
         What computes images and those of trials, as for `plan_image`.
+    progress : callable, optional
+        Called with the number of clock offsets that were tried and with their total, as they are.
     scale_m : float
         Expected size of the track error, metres, for the default model.
     offset_reach_s : float
@@ -117,8 +131,10 @@ class Autofocus:
     def __init__(self, grid: MapGrid, *,
                  model: Callable[[PulseBlock], GeometryModel] | None = None,
                  imager: Callable[[PulseBlock], np.ndarray] | None = None,
-                 target_db: float = -80.0, backend: str | Backend = AUTO,
-                 scale_m: float = 0.05, offset_reach_s: float = 0.0, n_phases: int = N_PHASES,
+                 target_db: float = -80.0, illumination: AntennaPattern | None = None,
+                 backend: str | Backend = AUTO,
+                 progress: Callable[[int, int], None] | None = None, scale_m: float = 0.05,
+                 offset_reach_s: float = 0.0, n_phases: int = N_PHASES,
                  least_coherence: float = LEAST_COHERENCE, n_points: int = 48,
                  margin: float = 0.005, claim_db: float = -22.0):
         if n_points < FEWEST_TO_CLAIM:
@@ -131,7 +147,8 @@ class Autofocus:
         self.grid, self.scale_m, self._offset_reach_s = grid, scale_m, offset_reach_s
         self._model = model or self._default_model
         self._imager = imager or self._backproject
-        self._target_db, self._backend = target_db, backend
+        self._target_db, self._illumination, self._backend = target_db, illumination, backend
+        self._progress, self._warned = progress, False
         self._n_phases, self._n_points = n_phases, n_points
         self._least_coherence = least_coherence
         self._margin, self._claim_db = margin, claim_db
@@ -157,6 +174,7 @@ class Autofocus:
         ValueError
             The block is raw or has no phase centres.
         """
+        self._warned = image is not None  # by what formed it, of pixels out of reach for instance
         image = self._imager(block) if image is None else image
         if not np.any(image) and not self._offset_reach_s:
             return self._as_it_was(block, image, 'the image is zero everywhere')
@@ -219,7 +237,7 @@ class Autofocus:
                              f'parameter {OFFSET}; this one has '
                              f'{", ".join(model.names) or "none"}')
         curve = OffsetSearch(block, by_offset(model), self.grid, self._offset_reach_s,
-                             self._backend).run()
+                             self._backend, self._progress).run()
         model = within(model, *curve.offset_s[[0, -1]])
         alone = model.names == (OFFSET,)
         if curve.visible_range_rad < _LEAST_VISIBLE_RAD and alone:
@@ -350,8 +368,15 @@ class Autofocus:
         return with_track_error(nominal(block), scale_m=self.scale_m)
 
     def _backproject(self, block: PulseBlock) -> np.ndarray:
-        return plan_image(self.grid, block.radar, block.n_samples, method='exact',
-                          target_db=self._target_db, backend=self._backend)(block).samples
+        imager = plan_image(self.grid, block.radar, block.n_samples, method='exact',
+                            target_db=self._target_db, illumination=self._illumination,
+                            backend=self._backend)
+        if not self._warned:
+            self._warned = True
+            return imager(block).samples
+        image = imager.new_image(block.n_channels)
+        imager.accumulate(block, image)
+        return image.samples
 
 
 def _measured(image) -> tuple[float, float]:

@@ -10,11 +10,17 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..signal.pulses import PulseBlock
+
+if TYPE_CHECKING:
+    from .offset_curve import OffsetCurve
+
+OFFSET = 'time_offset_s'  # parameter that is searched for over a wide range
+_NARROWED_STEPS = 2.0  # what it may still be wrong by after that, in steps of the trials
 
 
 class Geometry(NamedTuple):
@@ -302,3 +308,37 @@ def apply_geometry(block: PulseBlock, geometry: Geometry) -> PulseBlock:
     if geometry.range_bias_m:
         radar = dataclasses.replace(radar, first_sample_delay_s=delay)
     return dataclasses.replace(block, radar=radar, tx_m=geometry.tx_m, rx_m=geometry.rx_m)
+
+
+def by_offset(model: GeometryModel) -> Callable[[float], Geometry]:
+    """Geometry as a function of the offset of the clocks alone."""
+    which = model.names.index(OFFSET)
+
+    def geometry(offset_s: float) -> Geometry:
+        parameters = model.start.copy()
+        parameters[which] += offset_s
+        return model(parameters)
+
+    return geometry
+
+
+def within(model: GeometryModel, lowest_s: float, highest_s: float) -> GeometryModel:
+    """The model with errors of the offset held where the track is known, for searches' steps."""
+    which = model.names.index(OFFSET)
+    middle = model.start[which]
+
+    def geometry(parameters):
+        held = np.array(parameters, np.float64)
+        held[which] = np.clip(held[which], middle + lowest_s, middle + highest_s)
+        return model(held)
+
+    return dataclasses.replace(model, function=geometry)
+
+
+def narrowed(model: GeometryModel, curve: OffsetCurve) -> GeometryModel:
+    """The model begun at the offset that the curve tells, which is hardly wrong any more."""
+    which = model.names.index(OFFSET)
+    start, scale = model.start.copy(), model.scale.copy()
+    start[which] += curve.best_s
+    scale[which] = min(scale[which], _NARROWED_STEPS * curve.step_s)
+    return dataclasses.replace(model, start=start, scale=scale)

@@ -22,13 +22,14 @@ from ..geometry.track import mean_centres
 from ..quality.measures import contrast
 from ..signal.pulses import PulseBlock
 from .models import Geometry
-from .offset_curve import PEAK_RAD, SURROUNDINGS_RAD, OffsetCurve, Trials
+from .offset_curve import PEAK_RAD, OffsetCurve, Trials
 
 if TYPE_CHECKING:
     from ..backends.protocol import Backend
 
 STEP_RAD = 1.2  # rms change of the visible phases from trial to trial
-BEYOND_S = 2.0  # that the trials may exceed the reach by, for surroundings to compare with
+# So much the trials exceed the reach by, for surroundings to compare with and to judge by.
+BEYOND_S, _BEYOND_RAD = 2.0, 24.0
 _SAMPLES_PER_S, _FEWEST_SAMPLES = 25, 121  # of the range of offsets, to determine the step
 _DIFFERENCE_S = 1e-3
 _POINTS = 3  # of the scene along each axis, for the visible phases
@@ -36,7 +37,9 @@ _PIXEL = 0.7  # pixels of a trial, in resolutions
 _LINES, _TILES = 12, 24  # lines of a tile at most, with fewer where that makes too few tiles
 _MOST_TILES, _FEWEST_TILES = 100, 48  # of a trial; larger scenes are tried where they are bright
 _TILE_TRIALS = 30_000  # above so many, fewer tiles are tried
-_MOST_PULSES = 768  # with more, every second, third ... pulse is taken
+# Every second, third ... pulse is tried alone, while from one to the next the scene's edge turns
+# against its middle by less than this, and as many are left; what is faster folds at pi.
+_PULSE_RAD, _FEWEST_PULSES, _LARGEST_STRIDE = 2.0, 128, 4
 _FEWEST_TRIALS, _MOST_TRIALS = 16, 4000
 _BLOCKS = 6  # of the scene along each axis, dealt out to its two halves
 _SUBAPERTURES = 8  # dealt out to the halves of the aperture
@@ -64,6 +67,8 @@ class OffsetSearch:
         tried, so that an offset at the end has surroundings like any other.
     backend : str or Backend
         What computes the trial images, as for `plan_image`.
+    progress : callable, optional
+        Called with the number of trials made and with their total, as they are made.
 
     Raises
     ------
@@ -72,14 +77,10 @@ class OffsetSearch:
     """
 
     def __init__(self, block: PulseBlock, geometry: Callable[[float], Geometry], grid: MapGrid,
-                 reach_s: float, backend: str | Backend = AUTO):
-        self._geometry, self._reach_s = geometry, reach_s
+                 reach_s: float, backend: str | Backend = AUTO,
+                 progress: Callable[[int, int], None] | None = None):
+        self._geometry, self._reach_s, self._progress = geometry, reach_s, progress
         self._radar, self._block = block.radar, block
-        pulses = np.arange(0, block.n_pulses, -(-block.n_pulses // _MOST_PULSES))
-        number = np.arange(len(pulses)) * _SUBAPERTURES // len(pulses)
-        self._parts = [pulses[np.isin(number, part)] for part in _PARTS]
-        trials = optional_entry(backend, 'TrialImages')
-        self._trials = [trials(block.radar, block.samples[part]) for part in self._parts]
         furthest_s = reach_s + BEYOND_S
         self._known = self._sample(np.linspace(-furthest_s, furthest_s, max(
             _FEWEST_SAMPLES, 2 * round(_SAMPLES_PER_S * furthest_s) + 1)))
@@ -89,7 +90,23 @@ class OffsetSearch:
             grid.centre_m, (grid.n_x, grid.n_y), strict=False))
         self._points = np.stack(np.broadcast_arrays(x[:, None], y, grid.centre_m[2]),
                                 axis=-1).reshape(-1, 3)
+        pulses = np.arange(0, block.n_pulses, self._stride())
+        number = np.arange(len(pulses)) * _SUBAPERTURES // len(pulses)
+        self._parts = [pulses[np.isin(number, part)] for part in _PARTS]
+        trials = optional_entry(backend, 'TrialImages')
+        self._trials = [trials(block.radar, block.samples[part]) for part in self._parts]
         self._plan_tiles(grid)
+
+    def _stride(self) -> int:
+        """Every which pulse suffices, for nine in ten of them at most of the offsets."""
+        turns = []
+        for geometry in list(self._known.values())[::max(1, len(self._known) // _GLANCES)]:
+            path = np.linalg.norm(self._points[:, None] - mean_centres(
+                geometry.tx_m, geometry.rx_m), axis=-1)
+            turns.append(np.quantile(np.abs(np.diff(path - path[len(path) // 2])), 0.9))
+        rad = self._radar.wavenumber_rad_per_m * float(np.median(turns))
+        return max(1, min(_LARGEST_STRIDE, self._block.n_pulses // _FEWEST_PULSES,
+                          int(_PULSE_RAD / max(rad, 1e-9))))
 
     def _sample(self, offsets) -> dict[float, Geometry]:
         known = {}
@@ -173,6 +190,15 @@ class OffsetSearch:
             out.append(means)
         return np.stack(out, axis=1)
 
+    def _try(self, offsets, n_before: int = 0) -> np.ndarray:
+        """(N, 2, 5, T) means of tiles at some offsets."""
+        out = []
+        for offset in offsets:
+            out.append(self._measure(offset))
+            if self._progress is not None:
+                self._progress(n_before + len(out), n_before + len(offsets))
+        return np.array(out)
+
     def _means(self, images: list[np.ndarray]) -> np.ndarray:
         """(2, T) means of intensity and squared intensity of the tiles."""
         intensity = np.square(np.abs(sum(images)), dtype=np.float64)
@@ -198,7 +224,7 @@ class OffsetSearch:
         path = np.concatenate([[0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1])
                                                 * np.diff(offsets))])
         ends = np.interp([-self._reach_s, self._reach_s], offsets, path)
-        there = ((path >= ends[0] - SURROUNDINGS_RAD) & (path <= ends[1] + SURROUNDINGS_RAD))
+        there = ((path >= ends[0] - _BEYOND_RAD) & (path <= ends[1] + _BEYOND_RAD))
         offsets, rates, path = offsets[there], rates[there], path[there] - path[there][0]
         seen = float(path[-1])
         n = int(np.clip(math.ceil(seen / STEP_RAD), _FEWEST_TRIALS, _MOST_TRIALS))
@@ -206,14 +232,13 @@ class OffsetSearch:
         # where nothing is seen, too, so that the sum ascends
         path += np.linspace(0.0, 1e-3 + 0.02 * seen, len(path))
         coarse = np.interp(np.linspace(0.0, path[-1], n + 1), path, offsets)
-        trials = Trials(coarse, np.interp(coarse, offsets, path),
-                        np.array([self._measure(t) for t in coarse]), self._half)
+        trials = Trials(coarse, np.interp(coarse, offsets, path), self._try(coarse), self._half)
         finer = np.unique(np.concatenate([np.interp(
             k + np.linspace(-1.0, 1.0, 2 * _FINER + 1), np.arange(n + 1), coarse)
             for k in trials.maxima()[:_REFINED]]))
         finer = np.setdiff1d(finer, coarse)
         curve = trials.curve(
-            finer, np.interp(finer, offsets, path), np.array([self._measure(t) for t in finer]),
+            finer, np.interp(finer, offsets, path), self._try(finer, len(coarse)),
             step=lambda best: STEP_RAD / max(float(np.interp(best, offsets, rates)), 1e-9),
             visible_range_rad=seen)
         return dataclasses.replace(curve, best_s=self._sharpest(curve))

@@ -45,7 +45,7 @@ class AutofocusReport:
     coherence : float
         Of the contributions to the best points, see `residual.Residual`.
     disagreement_rad : float
-        Of two halves of the scene on the parameters, see `agreement.disagreement_rad`.
+        Of two halves of the scene on the parameters, see `evidence.disagreement_rad`.
     parameters : dict of str to float
         Estimated parameters of the geometry model.
     uncertainty : dict of str to float

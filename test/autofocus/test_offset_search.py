@@ -112,9 +112,12 @@ class KnownBetween:
 def test_where_the_right_offset_cannot_be_tried_the_refusal_says_what_was_found_and_why():
     flight = drone_flight(1, motion='turn', radar_kind='uwb', **SMALL)
     profiles, track = profiles_of(flight.block, flight.track(), flight.misaligned(1.6), 2.0)
-    result = live_autofocus(flight.grid, time_offset_s=1.0, track=KnownBetween(
-        track, -1.0, 1.0)).process(profiles)
-    report = result.report
+    told = []
+    report = live_autofocus(
+        flight.grid, time_offset_s=1.0, track=KnownBetween(track, -1.0, 1.0),
+        progress=lambda *numbers: told.append(numbers)).process(profiles).report
+    tried = [k for k, _ in told]
+    assert tried == list(range(1, len(told) + 1)) and told[-1] == (len(told), len(told))
     assert not report.accepted and not report.success
     assert report.verdict == 'not changed by autofocus, focus not confirmed'
     assert report.reason.startswith(
@@ -154,25 +157,29 @@ def peaks(*where_and_height, n=60):
 
 
 def test_halves_that_are_sharpest_elsewhere_are_told_with_their_offset():
-    clear = peaks((30, 9.0), (45, 2.0))
+    clear, late = peaks((30, 9.0), (45, 2.0)), peaks((30, 2.0), (45, 5.0))
     assert not curve(clear, best=30).doubts() and not curve(clear, best=30).open_points()
-    late = peaks((30, 2.0), (45, 5.0))
+    # five halves that are sure outweigh one that is not
     odd_one_out = curve(clear, [clear] * 3 + [late] + [clear] * 2, best=30)
-    assert not odd_one_out.doubts()
-    [reason] = odd_one_out.open_points()
+    assert [margin for *_, margin in odd_one_out.margins()] == [7.0, 7.0, 7.0, -3.0, 7.0, 7.0]
+    assert not odd_one_out.doubts() and not odd_one_out.open_points()
+    [reason] = curve(clear, [late] * 6, best=30).doubts()
+    assert 'the halves of the data prefer it to all others by -18.0' in reason
     assert 'the late pulses, taken alone, are sharpest at +0.45 s, by 3.0' in reason
-    [reason, *_] = curve(clear, [late] * 6, best=30).doubts()
-    assert 'the halves of the data prefer it by -18.0' in reason
-    assert not curve(clear, [late] * 6, best=30).doubts(in_phase=True)  # which is evidence, too
+
+
+def test_what_the_halves_tell_is_enough_for_a_claim_only_with_points_in_phase():
+    some = curve(peaks((30, 4.0), (45, 2.0)), best=30)  # 2 of each half
+    assert not some.doubts() and not some.open_points(coherence=0.7)
+    [reason] = some.open_points()
+    assert 'by 12.0 standard deviations together, less than 16' in reason
 
 
 def test_two_offsets_that_are_equally_sharp_are_told():
-    both = curve(peaks((20, 8.0), (40, 7.5)), best=20)
-    [reason, *_] = both.doubts()
-    assert 'does not exceed the 7.5 of +0.4 s' in reason
-    # within one maximum there is no rival
-    assert curve(peaks((20, 8.0), (21, 6.0), (22, 5.0), (23, 5.0), (24, 7.5)), best=20).rival[
-        1] == 0.0
+    [reason] = curve(peaks((20, 8.0), (40, 7.9)), best=20).open_points(coherence=0.8)
+    assert 'prefer it to all others by 0.6 standard deviations together' in reason
+    # within one maximum there is no other
+    assert not curve(peaks((20, 8.0), (24, 7.5)), best=20).open_points()
 
 
 def test_an_offset_at_the_end_of_what_is_known_is_not_used_and_one_near_it_not_claimed():

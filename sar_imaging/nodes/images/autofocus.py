@@ -13,13 +13,11 @@ import numpy as np
 from sar_imaging.autofocus.autofocus import N_PHASES, Autofocus
 from sar_imaging.autofocus.evidence import LEAST_COHERENCE
 from sar_imaging.autofocus.live import BEYOND, compile_autofocus, live_autofocus
+from sar_imaging.autofocus.offset_search import BEYOND_S
 from sar_imaging.autofocus.phase_gradient import PhaseGradient
 from sar_imaging.autofocus.report import NOT_CHANGED, SHARPENED, AutofocusReport
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.imaging.imager import plan_image
-from sar_imaging.imaging.methods import EXACT
 from sar_imaging.planning.afbp.polar_grids import UnifiedPolarGrids
-from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.streaming.aperture import ApertureImage
 
 from ..poses.frame_datum import FrameDatum
@@ -51,6 +49,7 @@ PHASE_GRADIENT = Parameter(
 EXPECTED = (TRACK_ERROR, TIME_OFFSET)  # either of them switches autofocus on
 PARAMETERS = (*EXPECTED, RANGE_BIAS, RESIDUAL_PHASES, COHERENCE_LIMIT)
 FAILED = 'autofocus failed'  # verdict
+FIRST_PROGRESS_S, PROGRESS_S = 2.0, 5.0  # between lines that tell how far a search is
 # Of the last aperture, as keys of the diagnostics and fields of the report.
 _FIGURES = {
     'autofocus_contrast_before': 'contrast_before', 'autofocus_contrast_after': 'contrast_after',
@@ -84,7 +83,7 @@ class ImageFocus:
     """Tries to focus every image and tells what came of it.
 
     Where an offset of the clocks is looked for, an image waits until positions are known as far
-    behind its aperture as the search reaches, or until nothing more comes.
+    behind its aperture as the search reaches and 2 s more, or until nothing more comes.
 
     Parameters
     ----------
@@ -122,13 +121,9 @@ class ImageFocus:
                 f'autofocus ({", ".join(self._expected)}) is not possible here: it works on a '
                 f'plane; leave {TERRAIN_FILE.name} empty')
         self._parameters, self._grid, self._health = parameters, grid, health
-        pattern = pattern_from(parameters)
-        self._imager = pattern and (lambda pulses: plan_image(
-            grid, pulses.radar, pulses.n_samples, method=EXACT,
-            target_db=parameters['target_db'], illumination=pattern,
-            backend=parameters[BACKEND.name])(pulses).samples)
+        self._illumination = pattern_from(parameters)
         self.reach_s = BEYOND * parameters[TIME_OFFSET.name]
-        self.positions = (KnownPositions(parameters, health, datum, self.reach_s)
+        self.positions = (KnownPositions(parameters, health, datum, self.reach_s + BEYOND_S)
                           if self.reach_s else None)
         self._waiting: collections.deque[ApertureImage] = collections.deque()
         compile_autofocus()  # the first image must not wait for it
@@ -181,11 +176,8 @@ class ImageFocus:
         fields['pulses'] = None
         self._health.count('autofocus_attempted')
         began = time.perf_counter()
-        if self.reach_s:
-            self._health.info(f'autofocus of aperture {product.aperture}: trying clock offsets '
-                              f'of {-self.reach_s:g} to {self.reach_s:g} s')
         try:
-            result = self._autofocus(product.pulses).process(product.pulses, product.image)
+            result = self._autofocus(product).process(product.pulses, product.image)
         except (ValueError, MemoryError) as error:
             self._health.count('autofocus_failed')
             tell(self._health, product.aperture, Note(FAILED, str(error)))
@@ -206,15 +198,27 @@ class ImageFocus:
             details=f'{report.details}, largest move {report.largest_move_m:.3g} m{tried}, '
                     f'{seconds:.3g} s')
 
-    def _autofocus(self, pulses: PulseBlock) -> Autofocus:
-        p = self._parameters
-        track = None if self.positions is None else self.positions.around(pulses)
+    def _autofocus(self, product: ApertureImage) -> Autofocus:
+        p, which = self._parameters, f'autofocus of aperture {product.aperture}'
+        track = None if self.positions is None else self.positions.around(product.pulses)
+        if self.reach_s:
+            self._health.info(f'{which}: trying clock offsets of {-self.reach_s:g} to '
+                              f'{self.reach_s:g} s')
+        began, told = time.perf_counter(), 0.0
+
+        def progress(n_tried: int, n: int) -> None:
+            nonlocal told
+            seconds = time.perf_counter() - began
+            if seconds - told >= (PROGRESS_S if told else FIRST_PROGRESS_S):
+                told = seconds
+                self._health.info(f'{which}: {n_tried} of {n} clock offsets tried in '
+                                  f'{seconds:.0f} s, {seconds * (n / n_tried - 1):.0f} s to go')
         return live_autofocus(
             self._grid, track_error_m=p[TRACK_ERROR.name], time_offset_s=p[TIME_OFFSET.name],
             range_bias_m=p[RANGE_BIAS.name], track=track, target_db=p['target_db'],
             n_phases=N_PHASES if p[RESIDUAL_PHASES.name] else 0,
-            least_coherence=p[COHERENCE_LIMIT.name], imager=self._imager,
-            backend=p[BACKEND.name])
+            least_coherence=p[COHERENCE_LIMIT.name], illumination=self._illumination,
+            backend=p[BACKEND.name], progress=progress)
 
     def _count(self, report: AutofocusReport, seconds: float) -> None:
         if report.accepted:

@@ -1,4 +1,4 @@
-"""Collect the warnings of nodes from /rosout, for programs that watch them."""
+"""Collect the warnings of nodes from /rosout, and progress, for programs that watch them."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 _DEPTH = 1000  # lines: that of the publishers
 MOST_TOLD = 20
+_PROGRESS = 'autofocus of aperture'  # lines that tell how far a long search is
 
 
 class NodeWarnings:
@@ -24,7 +25,7 @@ class NodeWarnings:
     names : sequence of str
         Nodes to listen to.
     tell : callable
-        Called with a line for people, at most `MOST_TOLD` times.
+        Called with a line for people, at most `MOST_TOLD` times, and with how far autofocus is.
     past : bool
         Also what was logged before, as far as the nodes keep it.
 
@@ -53,6 +54,8 @@ class NodeWarnings:
     def _take(self, message: Log) -> None:
         name = self._names.get(message.name)
         if name is None or message.level < LoggingSeverity.WARN:
+            if name is not None and message.msg.startswith(_PROGRESS):
+                self._tell(f'{name}: {message.msg}')
             return
         if (name, message.msg) in self.texts:
             return

@@ -251,30 +251,41 @@ def test_what_cannot_be_focused_is_refused(changes, reason):
 class Log:
     """Takes what a node's health would."""
 
+    def __init__(self):
+        self.lines = []
+
     def count(self, *arguments):
         pass
 
-    set = tell = info = warning = count
+    set = tell = warning = count
+
+    def info(self, text):
+        self.lines.append(text)
 
 
-def image_focus(**changes):
+def image_focus(log=None, **changes):
     parameters = {p.name: p.default for p in (*PARAMETERS, *COMMON_PARAMETERS)}
     return ImageFocus(parameters | {'pulses_per_aperture': LENGTH} | changes,
-                      MapGrid((0.0, 1000.0, 0.0), 16, 16, 0.25), Log())
+                      MapGrid((0.0, 1000.0, 0.0), 16, 16, 0.25), log or Log())
 
 
 def test_controls_reach_autofocus(case, monkeypatch):
     seen = {}
     monkeypatch.setattr(nodes_autofocus, 'live_autofocus',
                         lambda grid, **options: seen.update(options) or FailingAutofocus())
-    focus = image_focus(**{
+    log = Log()
+    focus = image_focus(log, **{
         'autofocus.track_error': 0.05, 'autofocus.range_bias': 0.2,
         'autofocus.residual_phases': False, 'autofocus.coherence_limit': 0.6})
     [image] = focus.take([product(case.true, 0)])
     assert image.verdict == 'autofocus failed'
+    monkeypatch.setattr(nodes_autofocus, 'FIRST_PROGRESS_S', -1.0)
+    seen.pop('progress')(3, 12)
+    assert re.fullmatch(r'autofocus of aperture 0: 3 of 12 clock offsets tried in \d+ s, \d+ s to '
+                        'go', log.lines[-1])
     assert seen == {'track_error_m': 0.05, 'time_offset_s': 0.0, 'range_bias_m': 0.2,
                     'track': None, 'target_db': -80.0, 'n_phases': 0, 'least_coherence': 0.6,
-                    'imager': None, 'backend': 'auto'}
+                    'illumination': None, 'backend': 'auto'}
 
 
 class FailingAutofocus:
@@ -289,7 +300,8 @@ def product(pulses, aperture):
 
 def test_an_image_waits_for_the_pulses_behind_its_aperture(case, monkeypatch):
     monkeypatch.setattr(known_positions, '_PAUSE_S', 1e9)
-    focus = image_focus(**{'autofocus.time_offset': 0.4})  # 0.5 s to each side
+    monkeypatch.setattr(nodes_autofocus, 'BEYOND_S', 0.1)
+    focus = image_focus(**{'autofocus.time_offset': 0.32})  # 0.4 s, and 0.1 s, to each side
     monkeypatch.setattr(focus, '_focused', lambda image: (
         image.aperture, focus.positions.around(image.pulses)))
     step_ns = int(case.true.stamp_ns[1] - case.true.stamp_ns[0])  # 10 ms
