@@ -93,9 +93,9 @@ class Image(HeldSamples):
     """Complex image: its samples, their grid, and how it was formed.
 
     NumPy and arithmetic take it for its samples, and give an array: ``np.abs(image)``, ``image /
-    n``, ``image - other``, ``image == other``. What the grid, the carrier and the report say need
-    not hold for that array; ``dataclasses.replace(image, samples=image / n)`` says that it does.
-    ``image /= n`` changes the samples in place.
+    n``, ``image == other``, ``image[0]``, ``image.real``. What the grid, the carrier and the
+    report say need not hold for that array; ``dataclasses.replace(image, samples=image / n)`` says
+    that it does. ``image /= n`` and ``image[0] = n`` change the samples in place.
 
     Attributes
     ----------
@@ -141,11 +141,6 @@ class Image(HeldSamples):
     stamp_ns: int = 0
     counters: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0, np.int64))
     radiometry: Radiometry | None = None
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Of the samples."""
-        return self.samples.shape
 
     @property
     def n_pulses(self) -> int:

@@ -7,9 +7,9 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 
 class HeldSamples(NDArrayOperatorsMixin):
-    """Base of what holds `samples`: operators and functions of NumPy act on them, and give arrays.
+    """Base of what holds `samples`: operators, indices and functions of NumPy act on them.
 
-    ``held /= n`` changes the samples in place.
+    They give arrays; ``held /= n`` and ``held[i] = n`` change the samples in place.
     """
 
     __hash__ = object.__hash__  # each is itself, whatever == says of its samples
@@ -23,6 +23,45 @@ class HeldSamples(NDArrayOperatorsMixin):
             options['out'] = tuple(map(_samples, out))
         result = getattr(ufunc, method)(*map(_samples, inputs), **options)
         return result if out is None else out[0] if len(out) == 1 else out
+
+    def __getitem__(self, index):
+        return self.samples[index]
+
+    def __setitem__(self, index, value):
+        self.samples[index] = _samples(value)
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the samples."""
+        return self.samples.shape
+
+    @property
+    def ndim(self) -> int:
+        """Number of axes of the samples."""
+        return self.samples.ndim
+
+    @property
+    def size(self) -> int:
+        """Number of samples."""
+        return self.samples.size
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Of the samples."""
+        return self.samples.dtype
+
+    @property
+    def real(self) -> np.ndarray:
+        """Real parts of the samples."""
+        return self.samples.real
+
+    @property
+    def imag(self) -> np.ndarray:
+        """Imaginary parts of the samples."""
+        return self.samples.imag
 
 
 def _samples(value):

@@ -19,7 +19,8 @@ def image():
     lambda x: x / 7, lambda x: 2 * x, lambda x: x + x, lambda x: -x, lambda x: abs(x),
     lambda x: np.ones((3, 4)) - x, lambda x: x * np.conj(x), lambda x: x == 0,
     lambda x: np.float32(3) / (1 + x), lambda x: x @ np.ones(4), lambda x: np.add.reduce(x),
-    lambda x: np.sum(x, axis=0), lambda x: x.samples * x])
+    lambda x: np.sum(x, axis=0), lambda x: x.samples * x, lambda x: x[1], lambda x: x[1:, ::2],
+    lambda x: x[x != 0], lambda x: x.real, lambda x: x.imag, lambda x: np.array(list(x))])
 def test_arithmetic_is_that_of_the_samples(image, act):
     samples = image.samples
 
@@ -38,7 +39,15 @@ def test_in_place_the_image_stays_one(image):
     assert image is kept
     assert image.samples is samples
     assert np.array_equal(samples, expected)
+    image[1:] = image[:2]
+    assert np.array_equal(samples[1:], expected[:2])
     assert np.abs(image, out=np.zeros((3, 4), np.float32)).dtype == np.float32
+
+
+def test_it_has_the_form_of_the_samples(image):
+    for name in ('shape', 'ndim', 'size', 'dtype'):
+        assert getattr(image, name) == getattr(image.samples, name)
+    assert len(image) == 3
 
 
 def test_an_image_is_a_key_by_itself(image):
