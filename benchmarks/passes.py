@@ -113,7 +113,7 @@ def false_alarms(geometry: Geometry, n_images: int) -> dict:
     images, looks = clutter_images(geometry, n_images)
     inner, out = (slice(WINDOW, -WINDOW),) * 2, {}
     for true in COHERENCES:
-        found = {rate: [] for rate in (1e-2, RATE)}
+        found = {rate: [] for rate in (1e-2, 1e-3, RATE)}
         for first, other in itertools.pairwise([*images, images[0]]):
             second = dataclasses.replace(first, samples=np.complex64(
                 true * first + np.sqrt(1 - true**2) * other))
