@@ -8,12 +8,12 @@ import importlib
 
 DEVICE_ARRAYS = True  # of CuPy are taken as well
 
-_MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'afbp.subapertures',
-            'SpectrumFusion': 'afbp.fusion', 'ApertureFusion': 'afbp.aperture',
-            'form_map': 'afbp.fusion', 'seconds': 'costs', 'device_costs': 'costs',
-            'compress': 'samples.compression', 'to_device': 'samples.compression',
+_MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'subapertures',
+            'SpectrumFusion': 'fusion', 'ApertureFusion': 'subapertures',
+            'form_map': 'fusion', 'seconds': 'costs', 'device_costs': 'costs',
+            'compress': 'transfers', 'to_device': 'transfers',
             'to_host': 'transfers', 'synchronise': 'arrays',
-            'DEFAULT': 'costs', 'VARIABLE': 'costs', 'TrialImages': 'points.trial_images'}
+            'DEFAULT': 'costs', 'VARIABLE': 'costs', 'TrialImages': 'points'}
 
 
 def __getattr__(name):

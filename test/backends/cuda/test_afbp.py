@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.backends import backend
-from sar_imaging.backends.cuda.afbp import aperture, beams, fusion
+from sar_imaging.backends.cuda import beams, fusion, subapertures
 from sar_imaging.backends.cuda.arrays import given, launch, on_device, xp
 from sar_imaging.backends.cuda.transfers import to_host
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
@@ -120,7 +120,7 @@ def test_subapertures_are_computed_together(scene, plan, monkeypatch, error_db):
         launched.append((work, given))
         launch(work, *given)
 
-    for module in (aperture, beams, fusion):
+    for module in (subapertures, beams, fusion):
         monkeypatch.setattr(module, 'launch', counted)
     s = plan.sampling
     wanted, there = (EdgeBrightness(plan.fusion_grid, s.coverage) for _ in range(2))
@@ -135,7 +135,7 @@ def test_subapertures_are_computed_together(scene, plan, monkeypatch, error_db):
         fused.add(number, one, s.centre[number])
     assert error_db(image, fused.take_polar_image()) < -65.0  # as of sub-apertures
     assert there.excess_db == pytest.approx(wanted.excess_db, abs=0.01)
-    monkeypatch.setattr(aperture, '_TOGETHER', 1)
+    monkeypatch.setattr(subapertures, '_TOGETHER', 1)
     assert list(whole.groups()) == [[0], [1]]
 
 

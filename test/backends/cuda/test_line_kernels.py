@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from sar_imaging.backends.cuda.arrays import launch, pairs, xp
-from sar_imaging.backends.cuda.lines.kernels import THREADS, add_lines, block_lines
-from sar_imaging.backends.cuda.lines.lines import segment_middles
+from sar_imaging.backends.cuda.lines import THREADS, add_lines, block_lines, segment_middles
 from sar_imaging.backends.cuda.transfers import to_host
 
 DEGREE = 4

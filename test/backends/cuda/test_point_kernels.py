@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from sar_imaging.backends.cuda.arrays import launch, pairs, xp
-from sar_imaging.backends.cuda.points.kernels import BLOCK, THREADS, add_points, bound_tiles
+from sar_imaging.backends.cuda.points import BLOCK, THREADS, add_points, bound_tiles
 from sar_imaging.backends.cuda.transfers import to_host
 
 DEGREE = 3

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.backends.cuda.arrays import xp
-from sar_imaging.backends.cuda.azimuth_upsampling import AzimuthUpsampling
+from sar_imaging.backends.cuda.backprojection import AzimuthUpsampling
 from sar_imaging.backends.cuda.polar_to_map import polar_to_map
 from sar_imaging.backends.cuda.transfers import to_host
 from sar_imaging.backends.reference import polar_to_map as formula

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from sar_imaging.backends import DeviceError, samples as of_samples
+from sar_imaging.backends.cuda import transfers
 from sar_imaging.backends.cuda.arrays import given, xp
-from sar_imaging.backends.cuda.samples import compression
 from sar_imaging.backends.samples import compress, to_device
 from sar_imaging.device_arrays import on_device, to_host
 from sar_imaging.geometry import MapGrid
@@ -45,7 +45,7 @@ def noise(radar, n_samples=200, compressed=False):
 @pytest.mark.parametrize('name', RADARS)
 def test_profiles_are_those_of_the_processor(name, error_db, monkeypatch):
     """Of all waveforms, calibrated, in pieces, from complex numbers and from integers."""
-    monkeypatch.setattr(compression, '_PIECE_BYTES', 2 * 2 * 8 * 400)
+    monkeypatch.setattr(transfers, '_PIECE_BYTES', 2 * 2 * 8 * 400)
     block, pairs = noise(RADARS[name])
     compressor = RangeCompressor.for_block(block, window='hamming', calibration=CALIBRATION)
     wanted = compressor(block)
@@ -70,7 +70,7 @@ def test_raw_pulses_are_compressed_and_imaged_there(error_db, monkeypatch):
     block, _ = noise(RADARS['LFM'])
     grid = MapGrid((945.0, 5.0, 0.0), 6, 6, 0.25)
     compressed = []
-    monkeypatch.setattr(compression, 'given', lambda array: compressed.append(1) or given(array))
+    monkeypatch.setattr(transfers, 'given', lambda array: compressed.append(1) or given(array))
     there = dataclasses.replace(block, samples=given(xp.asarray(block.samples)))
     images = [plan_image(grid, block.radar, block.n_samples, compressed=False, method='exact',
                          backend=name)(some).samples
@@ -113,6 +113,6 @@ def test_the_device_where_the_way_is_worth_it(monkeypatch, worth, calls):
     compressor, made = RangeCompressor.for_block(block), []
     monkeypatch.setattr(of_samples, '_worth_the_way', lambda *_: worth)
     monkeypatch.setattr(of_samples, '_entry', lambda name: lambda *arguments: made.append(
-        name) or getattr(compression, name)(*arguments))
+        name) or getattr(transfers, name)(*arguments))
     assert isinstance(compress(compressor, block).samples, np.ndarray)
     assert made == ['compress'] * calls

@@ -1,4 +1,4 @@
-"""Backprojection onto arbitrary points: the kernels.
+"""Backprojection onto arbitrary points on the device, or onto few for the many trials of a search.
 
 Points are taken in tiles of neighbours, as on the processor. The path to the centre of a tile is
 computed in float64, once for each echo, and for each point only what its offset from there adds,
@@ -10,17 +10,156 @@ d its length and o the offset,
 Tiles too large for that, and echoes whose phase centre is too near to a tile, are computed in
 float64 point by point, in a loop of their own. A thread has `POINTS` points of a tile, for which
 it loads what they share once; neighbours read neighbouring cells of a profile.
+
+How an echo lights a tile is `light`, the last arguments of `add_lit_points`; numbers of an item,
+which is an echo and a tile, lie in `weights`, (WEIGHTS, items) float32 shared by the threads of
+a block.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from ..arrays import cuda, function, kernel, load_pair
-from ..phasors import fraction, phasor, short_fraction
-from .lit_tiles import BETWEEN, DARK, WEIGHTS, amplitude_alone, amplitude_between, light_tile
+from ...geometry.illumination import Illumination
+from ...planning.exact.illumination import knot_numbers
+from ...planning.exact.points import ImagePoints, PointPlan
+from ...signal.radar import RadarParameters
+from .arrays import (
+    complex_samples,
+    cuda,
+    function,
+    given,
+    kernel,
+    launch,
+    load_pair,
+    pairs,
+    reports_failures,
+    require_device,
+    xp,
+)
+from .illumination import Antennas, amplitude, in_axes
+from .phasors import fraction, phasor, short_fraction
+from .profiles import Profiles
+from .tiles import rows_of_points
+from .transfers import in_pieces, to_host
+
+WEIGHTS, _AXES = 12, 9  # numbers of an item, and of the antenna's axes
+DARK, BETWEEN, ALONE = (np.int32(v) for v in (0, 1, 2))  # how an echo lights a tile
+
+
+@function
+def _dark_sphere(axes, ends, echo, x, y, z, radius):
+    """Whether an echo lights nothing within a radius of a position, metres.
+
+    How far a point lies beyond an end of the pattern, ``d a - sine |d|`` in azimuth, changes by at
+    most ``1 + sine`` times the radius.
+    """
+    right, ahead, up = in_axes(axes, echo, x, y, z)
+    distance = math.sqrt(right * right + ahead * ahead + up * up)
+    return (right - ends[0] * distance > (1.0 + abs(ends[0])) * radius
+            or ends[1] * distance - right > (1.0 + abs(ends[1])) * radius
+            or up * ends[2] - ahead * ends[3] > radius
+            or ahead * ends[5] - up * ends[4] > radius or ahead < -radius)
+
+
+@function
+def _bend(low, between, high, before, after):
+    """Second difference of three knots; `before` and `after` are 0 for a line."""
+    return (high - between) * after - (between - low) * before
+
+
+@function
+def _steps(degree, n):
+    """For knots n points apart: 1 / n, and those of `_bend`."""
+    whole = np.float32(1.0) / np.float32(max(n, 1))
+    bent = degree // 2 * (n // 2)
+    if not bent:
+        return whole, np.float32(0.0), np.float32(0.0)
+    return whole, whole / np.float32(bent), whole / np.float32(n - bent)
+
+
+@function
+def _row_of_knots(knots, at, degree, echo, n, line, item):
+    """Parabola along a row of knots of a tile: its coefficients go to the item's `line`."""
+    low, middle, high = (knots[at, echo], knots[at + degree // 2, echo],
+                         knots[at + degree, echo])
+    whole, before, after = _steps(degree, n)
+    bend = _bend(low, middle, high, before, after)
+    line[0, item], line[1, item] = low, (high - low) * whole - bend * np.float32(n)
+    line[2, item] = bend
+    return low + middle + high
+
+
+@function
+def _set_weights(knots, how, number, across, tile, echo, weights, item):
+    """Amplitude over a tile as a polynomial of rows and columns; the sum of its knots.
+
+    Parabolas along rows of knots have coefficients that are parabolas along columns.
+    """
+    down, beside = number // across, number % across
+    rows = min(tile[0], how[4] - 1 - down * tile[0])
+    columns = min(tile[1], how[5] - 1 - beside * tile[1])
+    corner = down * how[0] * how[2] + beside * how[1]
+    total = _row_of_knots(knots, corner, how[1], echo, columns, weights[:3], item)
+    total += _row_of_knots(knots, corner + how[0] // 2 * how[2], how[1], echo, columns,
+                           weights[3:6], item)
+    total += _row_of_knots(knots, corner + how[0] * how[2], how[1], echo, columns,
+                           weights[6:9], item)
+    whole, before, after = _steps(how[0], rows)
+    for power in range(3):
+        low, middle, high = (weights[power, item], weights[3 + power, item],
+                             weights[6 + power, item])
+        bend = _bend(low, middle, high, before, after)
+        weights[3 + power, item] = (high - low) * whole - bend * np.float32(rows)
+        weights[6 + power, item] = bend
+    return total
+
+
+@function
+def light_tile(light, number, across, tile, place, echo, weights, item):
+    """How an echo lights a tile, `DARK`, `BETWEEN` or `ALONE`, by what is left in `weights`.
+
+    `place` is the middle of the tile and its radius, metres. In `weights` are the polynomial
+    between knots, or the antenna's right, boresight and up for points of their own.
+    """
+    knots, how, axes, _, _, ends = light
+    if not how[3]:
+        total = _set_weights(knots, how, number, across, tile, echo, weights, item)
+        if not math.isnan(total):
+            return BETWEEN if total > np.float32(0.0) else DARK
+    x, y, z, radius = place
+    if _dark_sphere(axes, ends, echo, x, y, z, radius):
+        return DARK
+    for k in range(_AXES):
+        weights[k, item] = np.float32(axes[echo, 3 + k])
+    right, ahead, up = in_axes(axes, echo, x, y, z)
+    weights[9, item], weights[10, item], weights[11, item] = (np.float32(right), np.float32(ahead),
+                                                             np.float32(up))
+    return ALONE
+
+
+@function
+def amplitude_alone(light, x, y, z, weights, item):
+    """Two-way amplitude towards a point, metres from its tile's middle, by what `weights` hold."""
+    return amplitude(
+        light[3], light[4],
+        weights[9, item] + x * weights[0, item] + y * weights[1, item] + z * weights[2, item],
+        weights[10, item] + x * weights[3, item] + y * weights[4, item] + z * weights[5, item],
+        weights[11, item] + x * weights[6, item] + y * weights[7, item] + z * weights[8, item])
+
+
+@function
+def amplitude_between(row, column, weights, item):
+    """Amplitude at a row and column of a tile, by the polynomial in `weights`."""
+    low, slope, bend = weights[0, item], weights[3, item], weights[6, item]
+    low += column * (weights[1, item] + column * weights[2, item])
+    slope += column * (weights[4, item] + column * weights[5, item])
+    bend += column * (weights[7, item] + column * weights[8, item])
+    return low + row * (slope + row * bend)
+
 
 THREADS, POINTS = 128, 2  # of a block, and points of a thread
 BLOCK = THREADS * POINTS  # points of a block: of one tile, or of several smaller ones
@@ -305,3 +444,182 @@ def _read(planes, row, at, t):
         c, d = load_pair(planes, cell + np.uint64(power))
         re, im = c + t * re, d + t * im
     return re, im
+
+
+_TOGETHER = 32  # echoes of a chunk of profiles come in multiples of this
+
+
+class Points:
+    """Pixels at any positions, prepared for adding any number of echoes.
+
+    Parameters
+    ----------
+    plan : PointPlan
+        How they are added.
+    layers : sequence of ImagePoints
+        Where the pixels are, one part of the image after the other.
+    rows : slice, optional
+        Rows of the layers, if not all; from the first of a tile on.
+    """
+
+    def __init__(self, plan: PointPlan, layers: Sequence[ImagePoints], rows: slice | None = None):
+        self._plan, self._profiles = plan, Profiles(plan.window, plan.lattice, plan.range_m)
+        self._tile = xp.asarray(np.array(plan.tile, np.int64))
+        rows = rows or slice(0, layers[0].size[0])
+        self._knots = [plan.lit and _Knots(points, rows, plan) for points in layers]
+        self._layers = [self._prepared(rows_of_points(points, rows)) for points in layers]
+
+    def _prepared(self, points: ImagePoints) -> tuple:
+        """Coordinates, strides, size, tile and tiles of a layer, as the kernels take them."""
+        (n_y, n_x), (height, width) = points.size, self._plan.tile
+        tiles = xp.empty((-(-n_y // height) * -(-n_x // width), 4), np.float64)
+        made = (*(xp.asarray(np.ascontiguousarray(c)) for c in points.coordinates),
+                xp.asarray(points.strides.astype(np.int64)),
+                xp.asarray(np.array(points.size, np.int64)), self._tile, tiles)
+        launch(bound_tiles, -(-len(tiles) // THREADS), THREADS, *made)
+        return made
+
+    def add(self, samples, tx_m, rx_m, image, illumination: Illumination | None = None) -> None:
+        """Add echoes to an image, (K,) float32 array of the device; see `Lines.add`."""
+        profiles, plan = self._profiles, self._plan
+        centres = xp.asarray(np.concatenate([tx_m, rx_m], axis=1))
+        parts = image.reshape(len(self._layers), -1)
+        own = BLOCK // (plan.tile[0] * plan.tile[1])
+        antennas = illumination and Antennas(illumination)
+        n_bytes = max(0 if knots is None else knots.echo_bytes for knots in self._knots)
+        for echoes, some in in_pieces(samples, profiles.chunks(len(samples), _TOGETHER, n_bytes)):
+            planes = pairs(profiles.planes(some))
+            for made, part, knots in zip(self._layers, parts, self._knots, strict=True):
+                blocks = -(-len(made[-1]) // own)
+                given = (planes, profiles.n_cells, centres[echoes], *made, profiles.range_at(0),
+                         plan.lattice.step_m, profiles.cycles_per_step, profiles.cycles_at(0),
+                         plan.reach_m, part)
+                if knots is None:
+                    launch(add_points, blocks, THREADS, *given)
+                else:
+                    launch(add_lit_points, blocks, THREADS, *given,
+                           *knots.lit_by(antennas, echoes))
+
+
+class _Knots:
+    """Where amplitudes of echoes are found over some rows of a layer of points.
+
+    Attributes
+    ----------
+    echo_bytes : int
+        Memory that the amplitudes of an echo take.
+    """
+
+    def __init__(self, points: ImagePoints, rows: slice, plan: PointPlan):
+        (n_y, n_x), (height, _), (degree, _) = points.size, plan.tile, plan.lit.degree
+        down, across = (knot_numbers(*sizes) for sizes in zip(points.size, plan.tile,
+                                                              plan.lit.degree, strict=True))
+        down = down[rows.start // height * degree:-(-rows.stop // height) * degree + 1]
+        if plan.lit.each:
+            down = down[:0]  # none is read
+        positions = points.positions(down[:, None], across).reshape(-1, 3)
+        self._positions = xp.asarray(np.ascontiguousarray(positions.T))
+        self._how = xp.asarray(np.array([*plan.lit.degree, len(across), plan.lit.each,
+                                         n_y - rows.start, n_x], np.int64))
+        self.echo_bytes = 4 * len(positions)
+
+    def lit_by(self, antennas: Antennas, echoes: slice) -> tuple:
+        """The last arguments of `add_lit_points`."""
+        return (antennas.at_knots(self._positions, echoes), self._how, antennas.axes[echoes],
+                antennas.table.astype(np.float32), antennas.place.astype(np.float32),
+                antennas.ends)
+
+
+LENGTH = 16  # pixels of a piece of a line
+_LANES = 8  # of echoes: those of a lane are added by one thread of each pixel
+_THREADS = LENGTH * _LANES
+
+
+class TrialImages:
+    """See `backends.protocol.TrialImages`; profiles go to the device once, images come back.
+
+    Paths are exact and profiles linear between samples.
+
+    Raises
+    ------
+    DeviceError
+        There is no device, it fails, or it lacks memory.
+    """
+
+    length = LENGTH
+
+    @reports_failures
+    def __init__(self, radar: RadarParameters, samples):
+        require_device()
+        self._radar, self._n_samples = radar, samples.shape[-1]
+        self._profiles = complex_samples(samples)
+
+    @reports_failures
+    def image(self, tx_m: np.ndarray, rx_m: np.ndarray, starts_m: np.ndarray,
+              step_m: np.ndarray, range_bias_m: float = 0.0) -> np.ndarray:
+        """See `backends.protocol.TrialImages.image`."""
+        radar = self._radar
+        centres = np.concatenate([np.reshape(c, (-1, 3)) for c in (tx_m, rx_m)], axis=1)
+        profile = np.array([radar.range_start_m - range_bias_m, radar.sample_spacing_m,
+                            2 / radar.wavelength_m])
+        image = xp.empty((2, len(starts_m), LENGTH), np.float32)
+        launch(add_pieces, len(starts_m), _THREADS, pairs(self._profiles), self._n_samples,
+               *(xp.asarray(np.ascontiguousarray(v, np.float64)) for v in (
+                   centres, starts_m, step_m, profile)), image)
+        return to_host(given(image))
+
+
+@kernel()
+def add_pieces(profiles, n_samples, centres, starts, step, profile, image):
+    """Backproject profiles onto pieces of lines; a grid of pieces.
+
+    Parameters
+    ----------
+    profiles, n_samples : pairs, int
+        Profiles echo by echo, so many samples each; zero beyond their ends.
+    centres : (R, 6) float64
+        Transmitter and receiver of each echo, metres.
+    starts, step : (K, 3), (3,) float64
+        First pixel of each piece, and from pixel to pixel, metres.
+    profile : (3,) float64
+        Half path of sample 0, and from sample to sample, metres; cycles of the carrier per metre.
+    image : (2, K, LENGTH) float32
+        Real and imaginary part.
+    """
+    real_sums = cuda.shared.array(_THREADS, np.float32)
+    imag_sums = cuda.shared.array(_THREADS, np.float32)
+    thread, piece = cuda.threadIdx.x, cuda.blockIdx.x
+    pixel, lane = thread % LENGTH, thread // LENGTH
+    x = starts[piece, 0] + pixel * step[0]
+    y = starts[piece, 1] + pixel * step[1]
+    z = starts[piece, 2] + pixel * step[2]
+    real, imag = np.float32(0.0), np.float32(0.0)
+    for echo in range(lane, centres.shape[0], _LANES):
+        path = 0.5 * (
+            math.sqrt((x - centres[echo, 0]) ** 2 + (y - centres[echo, 1]) ** 2
+                      + (z - centres[echo, 2]) ** 2)
+            + math.sqrt((x - centres[echo, 3]) ** 2 + (y - centres[echo, 4]) ** 2
+                        + (z - centres[echo, 5]) ** 2))
+        place = min(max((path - profile[0]) / profile[1], -2.0), n_samples + 1.0)
+        cell = math.floor(place)
+        t, first = np.float32(place - cell), int(cell)
+        re, im = np.float32(0.0), np.float32(0.0)
+        if 0 <= first < n_samples:
+            a, b = load_pair(profiles, np.uint64(echo * n_samples + first))
+            re += (np.float32(1.0) - t) * a
+            im += (np.float32(1.0) - t) * b
+        if -1 <= first < n_samples - 1:
+            a, b = load_pair(profiles, np.uint64(echo * n_samples + first + 1))
+            re += t * a
+            im += t * b
+        cosine, sine = phasor(np.float32(fraction(path * profile[2])))
+        real += re * cosine - im * sine
+        imag += re * sine + im * cosine
+    real_sums[thread], imag_sums[thread] = real, imag
+    cuda.syncthreads()
+    if lane == 0:
+        for k in range(1, _LANES):
+            real += real_sums[pixel + k * LENGTH]
+            imag += imag_sums[pixel + k * LENGTH]
+        image[0, piece, pixel] = real
+        image[1, piece, pixel] = imag

@@ -1,1 +1,0 @@
-"""Backprojection along image lines: `lines` prepares them, `kernels` add echoes."""

@@ -1,1 +1,0 @@
-"""Backprojection onto arbitrary points: `points` prepares them, `kernels` add echoes."""
