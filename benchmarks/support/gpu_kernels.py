@@ -48,16 +48,16 @@ TYPES: dict[str, tuple[tuple, ...]] = {
     'profiles.farrow_coefficients': (
         (PAIRS, _N, _a(_F, 2), _N, _N, _N, types.boolean, _N, _N, _N, PAIRS),),
     'illumination.light_knots': ((_a(_D, 2), _a(_D, 1), _a(_D, 1), _a(_D, 2), _a(_F, 2)),),
-    'lines.kernels.add_lines': (_LINES,),
-    'lines.kernels.add_lit_lines': ((*_LINES, _a(_F, 2), _a(_F, 1), _N, _N),),
-    'points.kernels.bound_tiles': (
+    'lines.add_lines': (_LINES,),
+    'lines.add_lit_lines': ((*_LINES, _a(_F, 2), _a(_F, 1), _N, _N),),
+    'points.bound_tiles': (
         (*[_a(_D, 1)] * 3, _a(_N, 2), _a(_N, 1), _a(_N, 1), _a(_D, 2)),),
-    'points.kernels.add_points': (_POINTS,),
-    'points.kernels.add_lit_points': (
+    'points.add_points': (_POINTS,),
+    'points.add_lit_points': (
         (*_POINTS, _a(_F, 2), _a(_N, 1), _a(_D, 2), _a(_F, 1), _a(_F, 1), _a(_D, 1)),),
-    'points.trial_images.add_pieces': (
+    'points.add_pieces': (
         (PAIRS, _N, _a(_D, 2), _a(_D, 2), _a(_D, 1), _a(_D, 1), _a(_F, 3)),),
-    'azimuth_upsampling.merge_parts': (
+    'backprojection.merge_parts': (
         (_a(_F, 1), _N, _a(types.complex64, 2), _a(types.int32, 1), _a(_F, 2),
          _a(types.complex64, 2), _a(_F, 3)),),
     'polar_to_map.to_ranges': (_RANGES,),
@@ -65,17 +65,17 @@ TYPES: dict[str, tuple[tuple, ...]] = {
     'polar_to_map.to_pixels': tuple(
         (_a(_F, 1), _N, *[_a(_D, 1)] * 3, _a(_F, 1), _N, _a(types.complex64, 2, layout))
         for layout in 'CFA'),  # a map, one whose range follows y, and some columns of that
-    'afbp.bands.taper_images': ((_a(_F, 4), _a(_F, 1), _a(_F, 1), PAIRS),),
-    'afbp.bands.add_bands': (
+    'fusion.taper_images': ((_a(_F, 4), _a(_F, 1), _a(_F, 1), PAIRS),),
+    'fusion.add_bands': (
         (PAIRS, _N, _N, _a(_D, 1), _a(_D, 1), _N, _a(types.complex64, 2)),),
-    'afbp.bands.edge_powers': ((_a(_F, 4), _a(_F, 2), _a(_F, 2), _a(_D, 1)),),
-    'afbp.forming.beam_paths': (
+    'fusion.edge_powers': ((_a(_F, 4), _a(_F, 2), _a(_F, 2), _a(_D, 1)),),
+    'beams.beam_paths': (
         (_a(_D, 2), _a(_N, 2), _a(_D, 2), _a(_D, 1), _a(_D, 3)),),
-    'afbp.forming.form_beams': (_FORMED,),
-    'afbp.forming.form_single_beams': (_FORMED,),
-    'afbp.reading.interpolate_beams': (_READ,),
-    'afbp.reading.interpolate_lit_beams': ((*_READ, _a(_F, 4), _N),),
-    'afbp.reading.fit_parabolas': (
+    'beams.form_beams': (_FORMED,),
+    'beams.form_single_beams': (_FORMED,),
+    'beams.interpolate_beams': (_READ,),
+    'beams.interpolate_lit_beams': ((*_READ, _a(_F, 4), _N),),
+    'beams.fit_parabolas': (
         (_a(_D, 2), _a(_D, 1), _a(_D, 1), _a(_D, 2), _a(_N, 2), _a(_D, 2), _a(_D, 1), _a(_D, 3),
          _a(_F, 3)),)}
 

@@ -13,8 +13,8 @@ pytest.importorskip('cupy', reason="the extra 'cuda' is not installed")
 pytest.importorskip('numba_cuda', reason="the extra 'cuda' is not installed")
 
 # Kernels whose float64 stays outside the loops over echoes, and those without any.
-WITHOUT_FLOAT64 = {'profiles.farrow_coefficients', 'azimuth_upsampling.merge_parts',
-                   'afbp.bands.taper_images'}
+WITHOUT_FLOAT64 = {'profiles.farrow_coefficients', 'backprojection.merge_parts',
+                   'fusion.taper_images'}
 
 
 @pytest.mark.parametrize(('name', 'signature'), [

@@ -532,7 +532,7 @@ class _Knots:
 
 LENGTH = 16  # pixels of a piece of a line
 _LANES = 8  # of echoes: those of a lane are added by one thread of each pixel
-_THREADS = LENGTH * _LANES
+_PIECE_THREADS = LENGTH * _LANES
 
 
 class TrialImages:
@@ -563,7 +563,7 @@ class TrialImages:
         profile = np.array([radar.range_start_m - range_bias_m, radar.sample_spacing_m,
                             2 / radar.wavelength_m])
         image = xp.empty((2, len(starts_m), LENGTH), np.float32)
-        launch(add_pieces, len(starts_m), _THREADS, pairs(self._profiles), self._n_samples,
+        launch(add_pieces, len(starts_m), _PIECE_THREADS, pairs(self._profiles), self._n_samples,
                *(xp.asarray(np.ascontiguousarray(v, np.float64)) for v in (
                    centres, starts_m, step_m, profile)), image)
         return to_host(given(image))
@@ -586,8 +586,8 @@ def add_pieces(profiles, n_samples, centres, starts, step, profile, image):
     image : (2, K, LENGTH) float32
         Real and imaginary part.
     """
-    real_sums = cuda.shared.array(_THREADS, np.float32)
-    imag_sums = cuda.shared.array(_THREADS, np.float32)
+    real_sums = cuda.shared.array(_PIECE_THREADS, np.float32)
+    imag_sums = cuda.shared.array(_PIECE_THREADS, np.float32)
     thread, piece = cuda.threadIdx.x, cuda.blockIdx.x
     pixel, lane = thread % LENGTH, thread // LENGTH
     x = starts[piece, 0] + pixel * step[0]

@@ -18,8 +18,8 @@ collect_ignore_glob = [] if SIMULATED or device_backend() else ['test_*.py']
 
 # The simulator starts a thread of the host for each of a block, also where a small image has no
 # pixel for it. Kernels whose blocks have any number of threads get fewer.
-for name in ('profiles', 'polar_to_map', 'illumination', 'afbp.beams', 'afbp.fusion',
-             'afbp.aperture') if SIMULATED else ():
+for name in ('profiles', 'polar_to_map', 'illumination', 'beams', 'fusion',
+             'subapertures') if SIMULATED else ():
     importlib.import_module(f'sar_imaging.backends.cuda.{name}')._THREADS = 16
 
 
