@@ -142,9 +142,10 @@ class System:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            self.status[status.name] = {
-                v.key: float(v.value) for v in status.values
-                if v.key not in ('last_rejection', 'last_change', 'mistake')}  # texts
+            self.status[status.name] = numbers = {}
+            for pair in status.values:
+                with contextlib.suppress(ValueError):  # texts
+                    numbers[pair.key] = float(pair.value)
 
     def publish(self, cdr: bytes) -> None:
         """Send a serialised message now."""

@@ -1,6 +1,7 @@
 """Real node processes on a domain of their own, and an observer that sees what they publish."""
 
 import collections
+import contextlib
 import os
 import re
 import time
@@ -257,11 +258,11 @@ class Observer:
 
     def counters(self, node, part='stage'):
         """Latest diagnostics as numbers."""
-        status = self.status(node, part)
-        texts = ('last_rejection', 'last_change', 'mistake', 'datum', 'autofocus_verdict',
-                 'autofocus_reason')
-        return {v.key: float(v.value) for v in status.values
-                if v.key not in texts} if status else {}
+        status, numbers = self.status(node, part), {}
+        for pair in status.values if status else ():
+            with contextlib.suppress(ValueError):  # texts
+                numbers[pair.key] = float(pair.value)
+        return numbers
 
     def wait_for_counters(self, node, part='stage', **expected):
         """Wait until the diagnostics have these values."""

@@ -7,7 +7,7 @@ import itertools
 import time
 from collections.abc import Callable
 
-from rclpy.node import Node
+from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 
 from .health import Cause
@@ -115,12 +115,19 @@ class InputWatch:
 
     def _who_else(self) -> str:
         others = sorted(name for name, kinds in self._node.get_topic_names_and_types()
-                        if self._type in kinds and self._of_others(name))
+                        if self._type in kinds and self._has_source(name))
         if not others:
             return f'nobody publishes {self._type}; is {self._sender} running?'
         return f'nobody publishes there, {self._type} is on {", ".join(others)}; {self._advice}'
 
-    def _of_others(self, topic: str) -> bool:
-        me = self._node.get_name(), self._node.get_namespace()
-        return any((e.node_name, e.node_namespace) != me
-                   for e in self._node.get_publishers_info_by_topic(topic))
+    def _has_source(self, topic: str) -> bool:
+        """Whether a node publishes there that is no stage: those tell their progress."""
+        return any(not any(name.endswith(f'/{end.node_name}/progress')
+                           for name, _ in self._outputs(end.node_name, end.node_namespace))
+                   for end in self._node.get_publishers_info_by_topic(topic))
+
+    def _outputs(self, name: str, namespace: str) -> list[tuple[str, list[str]]]:
+        try:
+            return self._node.get_publisher_names_and_types_by_node(name, namespace)
+        except NodeNameNonExistentError:  # it has just ended
+            return []

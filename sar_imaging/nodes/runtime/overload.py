@@ -17,9 +17,12 @@ APERTURES, BLOCKS = 'drop_apertures', 'drop_blocks'
 POLICIES = (APERTURES, BLOCKS)
 FAULTS = ('blocks_dropped', 'apertures_skipped', 'apertures_too_old', 'pulses_too_old')
 _HOLD_S = 2.0  # that a stage counts as behind, at least, after it left something out
-# Shares of the limit: up to which growth counts, and what an aperture may have waited that begins
-# after one was left out.
-_ALONE, _FRESH = 0.9, 0.25
+# Shares of the limit: what is predicted at most of an aperture that begins, up to which growth
+# counts in that, and what one may have waited that begins after another was left out.
+_READY, _ALONE, _FRESH = 0.9, 0.75, 0.25
+# How much longer than an aperture before the blocks wait where the work is slower than the input,
+# in apertures and in seconds, and for which share of an aperture at least.
+_GROWING, _GROWING_S, _LASTING = 0.05, 0.01, 0.75
 _ADMISSION_FILL = 0.5  # a new aperture begins only when the queue has come down so far
 
 
@@ -122,11 +125,13 @@ class Gate:
 
 @dataclasses.dataclass
 class _Verdict:
-    """What was decided about an aperture."""
+    """What was decided about an aperture, and how long its items waited."""
 
     left_out: bool
     waited_s: float  # of its first item
     furthest: float = 0.0  # end of what came of it, 0 to 1
+    places: list[float] = dataclasses.field(default_factory=list)  # of its items, 0 to 1
+    waits_s: list[float] = dataclasses.field(default_factory=list)
 
 
 class AgeLimit:
@@ -136,8 +141,8 @@ class AgeLimit:
     it is done; the latter is taken from the aperture before. An aperture is left out as a whole,
     the oldest first, when its first item comes to its turn and the sum exceeds the limit. Where
     the growth alone does, an aperture begins that hardly waited: its image is too old, and the
-    youngest that can be had. One underway is given up when its items
-    exceed the limit although the one before did not, as after a moment in which the machine was
+    youngest that can be had. One underway is given up where the waiting of an item, and its growth
+    over what is left of the aperture, exceed the limit, as after a moment in which the machine was
     busy otherwise. So a stage that keeps up loses nothing, and one that does not has images.
 
     All methods are called in the worker's thread.
@@ -154,6 +159,8 @@ class AgeLimit:
     aperture_s : float
         How long an aperture lasts, as its stamps say or as its items come, whichever is longer;
         infinite while that is not known.
+    growing : bool
+        Whether the items of most of an aperture waited longer than those of the one before.
     """
 
     LEAST_S = 0.3  # by default; a machine is busy otherwise for moments
@@ -164,10 +171,12 @@ class AgeLimit:
         self._inlet, self._skip = inlet, skip
         self._verdicts: dict[int, _Verdict] = {}
         self._current: _Verdict | None = None
+        self._done: _Verdict | None = None  # the latest one that was worked on
         self._behind = False  # the latest aperture was left out
         self._growth_s = 0.0  # of the waiting during the latest aperture that was worked on
         self._start: tuple[int, int, float] | None = None  # counter, stamp, reception
-        self.aperture_s = math.inf
+        self._grows_since: int | None = None  # counter
+        self.aperture_s, self.growing = math.inf, False
 
     def limit_s(self, wanted_s: float) -> float:
         """The limit: what is wanted, or for 0 two apertures."""
@@ -198,14 +207,17 @@ class AgeLimit:
         self._pace(item, received_s)
         waited_s, limit_s, begun = now_s - received_s, self.limit_s(wanted_s), []
         numbers = self._inlet.apertures(item)
+        place = self._inlet.extent(item)[0] if numbers[0] == numbers[-1] else 0.0
         for number in dict.fromkeys(numbers.tolist()):
             if self._begins(number, item):
                 left_out = self._judge_new(number, waited_s, limit_s)
             else:
-                left_out = self._judge_again(self._verdicts[number], waited_s, limit_s)
+                left_out = self._judge_again(self._verdicts[number], place, waited_s, limit_s)
             if left_out:
                 begun.append(number)
                 self._skip(number)
+        if self._verdicts[int(numbers[-1])] is self._current:
+            self._compare(item, place, waited_s)
         out = np.array([self._verdicts[number].left_out for number in numbers.tolist()])
         if not out.any():
             return item, begun, None
@@ -227,7 +239,9 @@ class AgeLimit:
     def _judge_new(self, number: int, waited_s: float, limit_s: float) -> bool:
         if self._current is not None and not self._current.left_out:
             self._growth_s = waited_s - self._current.waited_s
-        left_out = (waited_s + min(max(self._growth_s, 0.0), _ALONE * limit_s) > limit_s
+            self._done = self._current
+        growth_s = min(max(self._growth_s, 0.0), _ALONE * limit_s)
+        left_out = (waited_s + growth_s > _READY * limit_s
                     or self._behind and waited_s > _FRESH * limit_s)
         self._behind = left_out
         self._verdicts.pop(number, None)
@@ -236,12 +250,33 @@ class AgeLimit:
             del self._verdicts[next(iter(self._verdicts))]
         return left_out
 
-    def _judge_again(self, verdict: _Verdict, waited_s: float, limit_s: float) -> bool:
-        if verdict.left_out or waited_s <= limit_s or self._growth_s > limit_s:
+    def _judge_again(self, verdict: _Verdict, place: float, waited_s: float,
+                     limit_s: float) -> bool:
+        rest_s = 0.0
+        if verdict is self._current and self._done is not None:
+            rest_s = max(self._growth_s + self._done.waited_s - self._before(place), 0.0)
+        if verdict.left_out or waited_s + rest_s <= limit_s or self._growth_s > limit_s:
             return False
-        verdict.left_out, self._growth_s = True, waited_s
+        verdict.left_out, self._growth_s = True, waited_s + rest_s
         self._behind = True
         return True
+
+    def _before(self, place: float) -> float:
+        """How long items at a place waited in the latest aperture that was worked on."""
+        return float(np.interp(place, self._done.places, self._done.waits_s))
+
+    def _compare(self, item, place: float, waited_s: float) -> None:
+        """Note how long an item waited, beside that at its place in the aperture before."""
+        current, counter = self._current, self._inlet.moment(item)[0]
+        if not current.places or place > current.places[-1]:
+            current.places.append(place)
+            current.waits_s.append(waited_s)
+        grows = (self._done is not None and waited_s - self._before(place)
+                 > max(_GROWING * self.aperture_s, _GROWING_S))
+        if not grows or self._grows_since is None or counter < self._grows_since:
+            self._grows_since = counter if grows else None
+        self.growing = grows and (counter - self._grows_since
+                                  >= _LASTING * self._inlet.pulses_per_aperture(item))
 
     def _pace(self, item, received_s: float) -> None:
         counter, stamp_ns = self._inlet.moment(item)
@@ -306,6 +341,8 @@ class Load:
         now = time.monotonic()
         kept, begun, dropped = self._ages.admit(item, received_s, now,
                                                 self._parameters['max_age_s'])
+        if self._ages.growing:
+            self._behind_until_s = max(self._behind_until_s, now + _HOLD_S)
         if dropped is not None:
             self._behind_until_s = now + max(self._limit_s, _HOLD_S)
             self._health.count('pulses_too_old', self._inlet.n_pulses(dropped))

@@ -146,7 +146,7 @@ def test_why_no_pulses_come_or_cannot_be_used(start_node, watch):
     w = watch('pulse_buffer', 'pulse_blocks')
     observer, severe = w.observer, DiagnosticStatus.ERROR
     w.named('no publisher', 'nobody publishes there, std_msgs/msg/Float32MultiArray is on '
-            '/elsewhere', last=severe)
+            '/elsewhere;', last=severe)
     other = observer.node.create_publisher(String, 'pulses', 1)
     w.named('another type', '/pulses carries std_msgs/msg/String|it carries std_msgs/msg/String',
             last=severe)

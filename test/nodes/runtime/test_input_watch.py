@@ -1,0 +1,48 @@
+"""Where else an input is published, as its watch tells."""
+
+import types
+
+import pytest
+
+pytest.importorskip('rclpy', reason='rclpy comes as wheels for Linux on x86-64 only')
+
+from rclpy.node import NodeNameNonExistentError
+from rclpy.qos import QoSProfile
+
+from sar_imaging.nodes.runtime.health import Cause
+from sar_imaging.nodes.runtime.input_watch import InputWatch
+
+TYPE = 'std_msgs/msg/Float32MultiArray'
+
+
+class Graph:
+    """What a node sees of others: outputs by the name of each node, None of one that ended."""
+
+    def __init__(self, outputs):
+        self._outputs = outputs
+
+    def get_topic_names_and_types(self):
+        return [(topic, [TYPE]) for topics in self._outputs.values() for topic in topics]
+
+    def get_publishers_info_by_topic(self, topic):
+        return [types.SimpleNamespace(node_name=node, node_namespace='/', topic_type=TYPE)
+                for node, topics in self._outputs.items() if topic in topics]
+
+    def get_publisher_names_and_types_by_node(self, node, namespace):
+        if node == 'ended':
+            raise NodeNameNonExistentError(node)
+        return [(topic, [TYPE]) for topic in self._outputs[node]]
+
+
+def test_outputs_of_stages_are_no_pulses():
+    def told(**outputs):
+        watch = InputWatch(Graph(outputs), '/pulses', TYPE, QoSProfile(depth=1),
+                           patience_s=lambda: -1.0, advice='remap pulses', sender='the driver')
+        cause, text, _ = watch.look()
+        assert cause == Cause.NO_PUBLISHER
+        return text.split(': ', 1)[1]
+
+    stage = {'range_compression': ['/range_profiles', '/range_compression/progress']}
+    assert told(**stage) == f'nobody publishes {TYPE}; is the driver running?'
+    assert told(**stage, driver=['/radar/pulses'], ended=['/old']) == (
+        f'nobody publishes there, {TYPE} is on /old, /radar/pulses; remap pulses')
