@@ -275,6 +275,16 @@ def test_images_on_terrain_have_no_obstacle_map(car, tmp_path):
     outputs = Outputs()
     step.create_outputs(outputs)
     assert 'image' in outputs.sent and 'obstacle_map' not in outputs.sent
+    step.deactivate(outputs)
+
+
+def test_a_node_that_stops_leaves_an_unknown_map(car, profiles):
+    running = types.SimpleNamespace(context=types.SimpleNamespace(ok=lambda: True))
+    step, _ = image_step(car)
+    outputs = published(step, [profiles], 'obstacle_map')
+    assert (occupancy_from_message(outputs.sent['obstacle_map'][-1])[0] == 0).any()
+    step.deactivate(running)
+    assert (occupancy_from_message(outputs.sent['obstacle_map'][-1])[0] == -1).all()
 
 
 def test_a_map_that_no_image_renews_fades_until_all_is_unknown(car, profiles, monkeypatch):

@@ -10,7 +10,7 @@ import pytest
 
 from sar_imaging.imaging.correlation import correlate_profiles
 from sar_imaging.tools.archive.jobs import ArchiveDataError, ImagePiece, SumPiece, Window
-from sar_imaging.tools.archive.products.aperture_images import StoredImage
+from sar_imaging.tools.archive.products.aperture_images import StoredImage, _energy
 from sar_imaging.tools.archive.products.storage import IMAGES, PARTIALS, image_array
 from sar_imaging.tools.archive.products.surface import window_grid
 
@@ -56,6 +56,11 @@ def test_every_division_gives_the_image(two_strips, way):
     assert max(measured) < two_strips.job.target_db + 10
     assert max(measured) > error - 10
     assert not list((two_strips.output / PARTIALS).glob('*/part*'))
+
+
+
+def test_energy_is_that_of_pixels_with_a_value():
+    assert _energy(np.array([[3.0 + 4.0j, 0.0], [1.0j, 0.0]], np.complex64)) == (26.0, 2)
 
 
 def test_the_error_told_is_that_of_the_pixels_compared(two_strips):
