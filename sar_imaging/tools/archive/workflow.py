@@ -22,12 +22,11 @@ from .jobs import (
     with_datum,
     write_scan,
 )
-from .jobs.prediction import PROCESS_BYTES
+from .jobs.apertures import PROCESS_BYTES
 from .jobs.scans import Loss as ScanLoss
 from .jobs.stored import remove_parts
-from .running.claiming import claim
 from .running.cluster import open_cluster
-from .running.locking import OutputLock
+from .running.folder import OutputLock, claim
 from .running.records import write_whole
 from .running.runner import run_pieces
 from .running.summary import Loss, Summary

@@ -12,7 +12,7 @@
 
 from .division import divide
 from .finding import find_recordings, with_datum
-from .job import IMAGE_FORMATS, SURFACES, Brightness, Job, JobError, Products
+from .job import IMAGE_FORMATS, SURFACES, Brightness, Job, JobError, Products, changed, read_job
 from .pieces import (
     ArchiveDataError,
     CoherencePiece,
@@ -27,7 +27,6 @@ from .pieces import (
     SumPiece,
 )
 from .plan import ArchivePlan, ArchiveTooLargeError
-from .reading import changed, read_job
 from .scanning import scan_piece, scan_recording
 from .scans import ApertureScan, Division, Loss, RecordingScan
 from .stored import load_job, load_scan, load_scans, write_job, write_scan

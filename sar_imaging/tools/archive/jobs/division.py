@@ -11,6 +11,7 @@ import numpy as np
 from sar_imaging.memory import IMAGE_BYTES
 from sar_imaging.planning.costs import DEFAULT
 
+from .apertures import PIECE_S, PROCESS_BYTES, WRITE_S_PER_BYTE, machine_pace
 from .job import Job
 from .pieces import (
     CoherencePiece,
@@ -22,12 +23,6 @@ from .pieces import (
     SumPiece,
 )
 from .plan import ArchivePlan, check_fits
-from .prediction import (
-    PIECE_S,
-    PROCESS_BYTES,
-    WRITE_S_PER_BYTE,
-    machine_pace,
-)
 from .scans import ApertureScan
 from .windows import Window, union
 

@@ -1,20 +1,52 @@
-"""What a scan of a recording tells: its apertures, or why it is lost."""
+"""What a scan of a recording tells: its apertures with their antennas, or why it is lost."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from sar_imaging.geometry.earth import Datum
-from sar_imaging.geometry.illumination import AntennaPattern, Pointing
-from sar_imaging.imaging.radiometry import Radiometry
-from sar_imaging.radiometry import BrightnessScale
-from sar_imaging.signal.radar import RadarParameters
-
-from .antennas import antenna_of_arrays
+from ....geometry.earth import Datum
+from ....geometry.illumination import AntennaPattern, PatternCut, Pointing
+from ....imaging.radiometry import Radiometry
+from ....radiometry import BrightnessScale
+from ....signal.radar import RadarParameters
 from .windows import Window
+
+_CUTS = ('azimuth', 'elevation')
+
+
+def turned(looks: Pointing | None, own: Datum | None, wanted: Datum | None) -> Pointing | None:
+    """Pointing in another frame; the same where either frame stands nowhere."""
+    if looks is None or own is None or wanted is None or own == wanted:
+        return looks
+    return Pointing(*(wanted.vectors_from_ecef(own.vectors_to_ecef(axes))
+                      for axes in (looks.boresight, looks.up)))
+
+
+def antenna_arrays(pattern: AntennaPattern | None, looks: Pointing | None
+                   ) -> dict[str, np.ndarray]:
+    """An antenna as arrays of a file, to the bit; none where there is no antenna."""
+    if pattern is None:
+        return {}
+    arrays = {'boresight': looks.boresight, 'up': looks.up}
+    for name in _CUTS:
+        cut = getattr(pattern, name)
+        arrays[name] = np.array([cut.start, cut.step, *cut.amplitude])
+    return arrays
+
+
+def antenna_of_arrays(arrays: Mapping[str, np.ndarray]
+                      ) -> tuple[AntennaPattern | None, Pointing | None]:
+    """What `antenna_arrays` wrote: the pattern, and where it looked at each pulse."""
+    if _CUTS[0] not in arrays:
+        return None, None
+    cuts = (PatternCut(float(v[0]), float(v[1]), v[2:]) for v in map(arrays.__getitem__, _CUTS))
+    return (AntennaPattern(*cuts),
+            Pointing.of_unit_vectors(arrays['boresight'], arrays['up']))
+
 
 _SCALE = 'scale_root', 'scale_rows', 'scale_columns'
 

@@ -20,11 +20,9 @@ from ..jobs import (
 )
 from .aperture_images import form_image, sum_images
 from .catalogue import write_catalogue
-from .coherence_tiles import coherence_tile
-from .looks import looks_tile
-from .rasters import write_rasters
+from .files import write_rasters, write_sicd_image
 from .report import write_archive_report
-from .sicd_images import write_sicd_image
+from .tiles import coherence_tile, looks_tile
 
 
 def _product(piece: ProductPiece, job: Job, output: Path) -> PieceResult:

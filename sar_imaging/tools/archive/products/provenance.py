@@ -16,10 +16,10 @@ import numpy as np
 from sar_imaging.imaging.correlation import correlate_profiles
 
 from ..jobs import ApertureScan, Job, Window, load_job, union
+from .aperture_images import AperturePulses
 from .catalogue import all_scans
-from .looks import inside, stored_looks
-from .pulses import AperturePulses
 from .surface import lattice_grid
+from .tiles import inside, stored_looks
 
 _BLOCK_BYTES = 2e8
 

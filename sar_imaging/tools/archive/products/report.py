@@ -16,8 +16,8 @@ from ...products.report import Section, write_report
 from ..jobs import ApertureScan, Job, Loss, Window, load_scans, union
 from .aperture_images import StoredImage, error_db
 from .catalogue import all_scans
-from .looks import stored_looks
 from .storage import TiledArray
+from .tiles import stored_looks
 
 PICTURE, REPORT = 'mosaic.png', 'report.html'
 _PICTURE_PX = 1600  # of the longer side

@@ -1,4 +1,8 @@
-"""Runs pieces on Dask from the client: few at a time, each when what it needs is there."""
+"""Runs pieces on Dask from the client: few at a time, each when what it needs is there.
+
+Pieces come in the order in which they were given. Local workers that died while they started are
+replaced, which Dask's nannies do not.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +10,103 @@ import heapq
 import queue
 import time
 import uuid
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from .cluster import cannot_import, dask
-from .order import Order
-from .progress import Progress
 from .records import Records, fingerprint
-from .summary import Loss, Summary
-from .upkeep import Upkeep
+from .summary import Loss, Progress, Summary
 from .worker import Outcome, Task, died, run_piece
+
+
+class Order:
+    """Pieces that wait for others.
+
+    Parameters
+    ----------
+    pieces : sequence
+        With `key` and `needs`.
+
+    Attributes
+    ----------
+    ready : list of int
+        A heap (heapq) of indices of pieces whose needs are settled, less those taken from it.
+
+    Raises
+    ------
+    ValueError
+        Keys occur twice, or a piece needs one that does not exist, or itself.
+    """
+
+    def __init__(self, pieces: Sequence[Any]):
+        indices = {piece.key: index for index, piece in enumerate(pieces)}
+        if len(indices) < len(pieces):
+            twice = next(p.key for i, p in enumerate(pieces) if indices[p.key] != i)
+            raise ValueError(f'two pieces are called {twice!r}; keys must be unique')
+        self._missing = [len(set(piece.needs)) for piece in pieces]
+        self._dependents: dict[int, list[int]] = defaultdict(list)
+        for index, piece in enumerate(pieces):
+            for key in dict.fromkeys(piece.needs):
+                if key not in indices:
+                    raise ValueError(f'{piece.key!r} needs {key!r}, which is not among the pieces')
+                self._dependents[indices[key]].append(index)
+        self.ready = [index for index, missing in enumerate(self._missing) if not missing]
+        self._check_circles(pieces)
+
+    def settled(self, index: int) -> None:
+        """A piece is finished or lost: what waited for it alone is ready."""
+        for other in self._dependents.pop(index, ()):
+            self._missing[other] -= 1
+            if not self._missing[other]:
+                heapq.heappush(self.ready, other)
+
+    def _check_circles(self, pieces: Sequence[Any]) -> None:
+        missing, ready = list(self._missing), list(self.ready)
+        for index in ready:  # grows meanwhile
+            for other in self._dependents.get(index, ()):
+                missing[other] -= 1
+                if not missing[other]:
+                    ready.append(other)
+        if len(ready) < len(pieces):
+            name = next(piece.key for piece, left in zip(pieces, missing, strict=True)
+                        if left)
+            raise ValueError(f'{name!r} needs itself, directly or through others')
+
+
+_LOOKS = 4  # without a process: a nanny that starts one needs less than a second
+
+
+class Upkeep:
+    """Keeps the number of this machine's workers as it was in the beginning.
+
+    Parameters
+    ----------
+    client : distributed.Client
+        Clusters that are not of this machine keep themselves.
+    """
+
+    def __init__(self, client):
+        cluster = client.cluster
+        local = cluster is not None and type(cluster).__name__ == 'LocalCluster'
+        self._cluster = cluster if local else None
+        self._n_workers = len(cluster.worker_spec) if local else 0
+        self._dead: Counter = Counter()
+
+    def look(self) -> None:
+        """Replace workers that have had no process for some looks; call it every second."""
+        if self._cluster is None:
+            return
+        nannies = list(self._cluster.workers.items())  # workers of this process have no pid
+        dead = [name for name, nanny in nannies if getattr(nanny, 'pid', 0) is None]
+        self._dead = Counter({name: self._dead[name] + 1 for name in dead})
+        gone = [name for name, looks in self._dead.items() if looks >= _LOOKS]
+        if gone:
+            self._cluster.sync(self._cluster.scale_down, gone)
+        if len(self._cluster.worker_spec) < self._n_workers:
+            self._cluster.scale(self._n_workers)
+
 
 IN_FLIGHT = 3  # pieces for each thread of a worker: one runs, the others wait beside it
 _LOOK_SECONDS = 1.0  # how often workers are counted

@@ -29,11 +29,15 @@ from sar_imaging.tools.archive.jobs import (
     Window,
     apertures,
     divide,
-    prediction,
 )
-from sar_imaging.tools.archive.jobs.apertures import UndividableError, divide_aperture
+from sar_imaging.tools.archive.jobs.apertures import (
+    PROCESS_BYTES,
+    Pulses,
+    UndividableError,
+    divide_aperture,
+    predict,
+)
 from sar_imaging.tools.archive.jobs.plan import duration, size
-from sar_imaging.tools.archive.jobs.prediction import PROCESS_BYTES, Pulses, predict
 
 RADAR = RadarParameters(10e9, 300e6, 400e6, 1e-6)
 JOB = Job(('x',), Path('/nowhere/out'), 0.5, Datum(47.0, 8.0), tile=64)
@@ -79,8 +83,8 @@ def test_what_fits_is_imaged_as_a_whole():
     (0.46e9, 600, 256, 'either'), (2e9, 0.15, 256, 'either'), (0.46e9, 0.12, 256, 'either'),
     (2e9, 0.15, 4096, 'pulses')])
 def test_divisions_cover_every_pixel_and_pulse_once(memory, longest, tile, several, monkeypatch):
-    monkeypatch.setattr(prediction, 'PIECE_S', 0.0)  # imaging alone
-    monkeypatch.setattr(prediction, 'WRITE_S_PER_BYTE', 0.0)
+    monkeypatch.setattr(apertures, 'PIECE_S', 0.0)  # imaging alone
+    monkeypatch.setattr(apertures, 'WRITE_S_PER_BYTE', 0.0)
     monkeypatch.setattr(apertures, 'WRITE_S_PER_BYTE', 0.0)
     pulses, window = _pulses(2048)
     if several == 'pulses':  # all of it in one tile

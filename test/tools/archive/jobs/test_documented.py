@@ -6,7 +6,7 @@ import re
 import pytest
 
 from sar_imaging.tools.archive.jobs import Job, read_job
-from sar_imaging.tools.archive.jobs.reading import KEYS
+from sar_imaging.tools.archive.jobs.job import KEYS
 
 PAGE = pathlib.Path(__file__).parents[4] / 'docs/archive_jobs.md'
 

@@ -24,8 +24,8 @@ from sar_imaging.tools.archive.jobs import (
     write_job,
     write_scan,
 )
-from sar_imaging.tools.archive.jobs.prediction import Pulses, surface_points
-from sar_imaging.tools.archive.jobs.scanning.brightness import brightness_scale
+from sar_imaging.tools.archive.jobs.apertures import Pulses, surface_points
+from sar_imaging.tools.archive.jobs.scanning import brightness_scale
 from sar_imaging.tools.archive.products import check_mosaic, compute
 from sar_imaging.tools.archive.products.storage import MOSAIC, image_array
 from sar_imaging.tools.products.brightness import respond

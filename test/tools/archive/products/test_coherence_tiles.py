@@ -12,8 +12,8 @@ from sar_imaging.exploitation.passes import compare_passes
 from sar_imaging.exploitation.passes.sample_coherence import mean_sample, unbiased
 from sar_imaging.imaging.image import Image, Report
 from sar_imaging.tools.archive.jobs import ArchiveDataError, CoherencePiece, Products
-from sar_imaging.tools.archive.products.coherence_tiles import stored_coherence
 from sar_imaging.tools.archive.products.storage import image_array
+from sar_imaging.tools.archive.products.tiles import stored_coherence
 
 from .conftest import fly, make_archive
 

@@ -16,9 +16,9 @@ from sar_imaging.tools.archive.jobs import (
     write_scan,
 )
 from sar_imaging.tools.archive.products import check_mosaic, write_archive_report
-from sar_imaging.tools.archive.products.looks import stored_looks
 from sar_imaging.tools.archive.products.report import reduced
 from sar_imaging.tools.archive.products.storage import image_array
+from sar_imaging.tools.archive.products.tiles import stored_looks
 
 rasterio = pytest.importorskip('rasterio', reason='the extra formats is not installed')
 pyproj = pytest.importorskip('pyproj', reason='the extra formats is not installed')

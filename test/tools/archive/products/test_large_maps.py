@@ -15,7 +15,7 @@ from sar_imaging.tools.archive.jobs.division import divide
 from sar_imaging.tools.archive.jobs.finding import find_recordings
 from sar_imaging.tools.archive.jobs.scanning import scan_recording
 from sar_imaging.tools.archive.products import check_mosaic, compute
-from sar_imaging.tools.archive.products.looks import stored_looks
+from sar_imaging.tools.archive.products.tiles import stored_looks
 from sar_imaging.tools.simulate_archive import write_archive
 
 HERE = Datum(47.0, 8.0, 430.0)

@@ -7,8 +7,8 @@ import pytest
 from matplotlib.path import Path as Outline
 
 from sar_imaging.imaging.correlation import correlate_profiles
-from sar_imaging.tools.archive.products.looks import stored_looks
 from sar_imaging.tools.archive.products.storage import image_array
+from sar_imaging.tools.archive.products.tiles import stored_looks
 
 
 @pytest.fixture

@@ -10,14 +10,18 @@ import pytest
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.tools.archive.jobs.job import Job
 from sar_imaging.tools.archive.jobs.stored import load_job
-from sar_imaging.tools.archive.running.claiming import OtherJobError, claim
-from sar_imaging.tools.archive.running.locking import OutputInUseError, OutputLock
+from sar_imaging.tools.archive.running.folder import (
+    OtherJobError,
+    OutputInUseError,
+    OutputLock,
+    claim,
+)
 
 ROOT = Path(__file__).resolve().parents[4]
 HOLDER = """
 import sys
 from pathlib import Path
-from sar_imaging.tools.archive.running.locking import OutputLock
+from sar_imaging.tools.archive.running.folder import OutputLock
 with OutputLock(Path(sys.argv[1])):
     print('held', flush=True)
     sys.stdin.read()
