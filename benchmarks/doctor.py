@@ -29,7 +29,7 @@ from sar_imaging.diagnosis.coherence import OVERSAMPLING, CoherenceProbe, resolv
 from sar_imaging.diagnosis.diagnose import diagnose
 from sar_imaging.diagnosis.doctor import examine
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.quality.focus import focus_figure
+from sar_imaging.quality.measures import focus_figure
 from sar_imaging.signal.range_compression import RangeCompressor
 
 from .support.doctor_cases import KINDS, Case, measured_cases, right_case, turning

@@ -32,7 +32,7 @@ from std_msgs.msg import Float32MultiArray
 
 from sar_imaging.configuration.parameters import read_configuration
 from sar_imaging.signal.pulses import PulseBlock, concatenate
-from sar_imaging.simulation.scenarios.configured import configured_scenario
+from sar_imaging.simulation.scenarios.catalogue import configured_scenario
 from sar_imaging.tools.launching import find_config
 from sar_imaging.tools.node_processes import (
     NO_LOG_FILES,

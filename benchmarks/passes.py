@@ -22,7 +22,12 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.simulation.scenarios import SCENARIOS
-from sar_imaging.simulation.scenarios.passes import BASELINE_M, CAR_M, TERRACE_HEIGHT_M, TERRACE_M
+from sar_imaging.simulation.scenarios.catalogue import (
+    BASELINE_M,
+    CAR_M,
+    TERRACE_HEIGHT_M,
+    TERRACE_M,
+)
 
 from .exploitation_figures import FOLDER, decibels, draw, panels
 from .support.echoes import C, block_of, profiles, radar_of

@@ -41,6 +41,11 @@ MODULES = {
     'sar_imaging.backends.samples': ('compress', 'to_device'),
     'sar_imaging.configuration.parameters': ('default_file', 'read_configuration'),
     'sar_imaging.geometry.alignment': ('Alignment',),
+    'sar_imaging.geometry.illumination': (
+        'NO_SPREAD', 'AmplitudeSpread', 'Antenna', 'AntennaPattern', 'Illumination', 'Mount',
+        'PatternCut', 'Pointing'),
+    'sar_imaging.geometry.navigation': (
+        'DatumSearch', 'Fix', 'FixPoses', 'FoundDatum', 'FramePose', 'datum_through'),
     'sar_imaging.geometry.poses': ('PoseTrack',),
     'sar_imaging.geometry.terrain': ('Terrain',),
     'sar_imaging.imaging.correlation': ('correlate', 'correlate_profiles'),
@@ -54,6 +59,7 @@ MODULES = {
     'sar_imaging.signal.dechirp': ('fmcw_parameters',),
     'sar_imaging.signal.positioning': ('locate',),
     'sar_imaging.signal.pulses.buffer': ('PulseBuffer',),
+    'sar_imaging.signal.range_compression': ('RANGE_FILTERS', 'RangeCompressor'),
     'sar_imaging.signal.spectra': ('band_spectrum',),
     'sar_imaging.signal.windows': ('parse_window', 'window'),
     'sar_imaging.simulation.survey': ('Survey',),

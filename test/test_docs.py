@@ -12,7 +12,7 @@ import pytest
 from benchmarks.support.references import exact_image
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.simulation.scenarios import SCENARIOS
-from sar_imaging.simulation.scenarios.passes import TERRACE_HEIGHT_M
+from sar_imaging.simulation.scenarios.catalogue import TERRACE_HEIGHT_M
 from sar_imaging.tools import command
 
 ROOT = pathlib.Path(__file__).parent.parent

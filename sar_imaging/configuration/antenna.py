@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from ..geometry.illumination import Antenna, Mount
-from ..geometry.illumination.antenna import KINDS as PATTERNS, MEASURED
-from ..geometry.illumination.mount import KINDS as MOUNTS, POINT, ROTATION, TRACK
+from ..geometry.illumination import (
+    MEASURED,
+    MOUNTS as MOUNTS,
+    PATTERNS as PATTERNS,
+    POINT,
+    ROTATION,
+    TRACK,
+    Antenna,
+    Mount,
+)
 from .constraints import Finding
 
 NONE, BLOCK = 'none', 'block'

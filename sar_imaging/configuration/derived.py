@@ -1,7 +1,8 @@
 """Derive resolution, ambiguities, sampling and data rates from a configuration, in closed form.
 
 A straight track, a stationary scene on the plane of the grid, and the middle of the grid for
-what changes over it. Widths are those of a point response at -3 dB.
+what changes over it. Widths are those of a point response at -3 dB. Memory is an upper bound, from
+the lengths of the queues and the image.
 """
 
 from __future__ import annotations
@@ -12,14 +13,218 @@ import math
 
 import numpy as np
 
+from ..memory import IMAGE_BYTES
 from ..signal.radar import RadarParameters, Waveform
-from ..signal.range_compression import RangeCompressor
-from ..signal.range_compression.phase_history import GUARD_SAMPLES
+from ..signal.range_compression import GUARD_SAMPLES, RangeCompressor
 from ..signal.waveforms import n_pulse_samples
 from ..signal.windows import window as window_weights
-from .memory import NodeMemory, node_memory
-from .scene import Scene, see_scene
 from .settings import Acquisition, Imaging, Machine
+
+# Interpreter, libraries and compiled kernels (measured; see docs/configuration.md).
+BASE_BYTES = {'pulse_buffer': 170e6, 'range_compression': 340e6, 'backprojection': 340e6,
+              'afbp_fusion': 340e6}
+PRODUCT_BYTES = 13  # of a pixel in the messages: complex, amplitude and quicklook
+PRODUCTS_KEPT = 6  # by the middleware (depth 5), and the one being serialised
+POLAR_IMAGES = 2.5  # polar image and its interpolation, relative to the image
+CALIBRATED_IMAGES = 1.5  # the image scaled, and its scale of 4 bytes a pixel
+VOLUME_IMAGES = 3  # the volume, its magnitudes and what is sorted of them
+SPECTRUM_IMAGES = 2.6  # fused spectrum and transforms, relative to the image (docs/benchmarks.md)
+
+
+@dataclasses.dataclass(frozen=True)
+class NodeMemory:
+    """Bound of one node.
+
+    Parameters
+    ----------
+    node : str
+        Name of the executable.
+    n_bytes : int
+        When all its queues are full.
+    formula : str
+        Where the number comes from.
+    """
+
+    node: str
+    n_bytes: int
+    formula: str
+
+
+def node_memory(imaging: Imaging, n_pixels: int, *, block_bytes: int, profile_block_bytes: int,
+                pulse_bytes: int, aperture_bytes: int) -> tuple[NodeMemory, ...]:
+    """Bounds of the nodes that the mode needs.
+
+    Parameters
+    ----------
+    imaging : Imaging
+        Settings of the nodes.
+    n_pixels : int
+        Pixels of the image or volume.
+    block_bytes, profile_block_bytes : int
+        Blocks of samples and of range profiles.
+    pulse_bytes : int
+        Samples of one pulse, all channels.
+    aperture_bytes : int
+        Range profiles of an aperture.
+
+    Returns
+    -------
+    tuple of NodeMemory
+    """
+    q = imaging.queue_depth
+
+    def waiting(n_bytes):
+        """Most blocks in front of the worker."""
+        return min(imaging.worker_queue_size,
+                   max(1, int(1e6 * imaging.worker_queue_megabytes / n_bytes)))
+
+    products = n_pixels * PRODUCT_BYTES * PRODUCTS_KEPT
+    image = n_pixels * IMAGE_BYTES
+    calibrated = 0 if imaging.radiometry_quantity == 'none' else CALIBRATED_IMAGES
+    w, w_profiles = waiting(block_bytes), waiting(profile_block_bytes)
+    sizes = {
+        'pulse_buffer': ((q + w + q) * block_bytes
+                         + imaging.reorder_window_pulses * pulse_bytes,
+                         f'({q} + {w} + {q}) blocks + reorder window'),
+        'range_compression': ((q + w) * block_bytes + q * profile_block_bytes,
+                              f'({q} + {w}) blocks + {q} blocks of profiles'),
+    }
+    if imaging.mode == 'volume':
+        images = VOLUME_IMAGES + calibrated
+        sizes['backprojection'] = (
+            (q + w_profiles) * profile_block_bytes + images * image,
+            f'({q} + {w_profiles}) blocks of profiles + {images:g} x 8 B/cell')
+    elif imaging.mode == 'image':
+        kept = aperture_bytes if imaging.keeps_pulses else 0
+        images = 1 + POLAR_IMAGES + (2 if imaging.autofocus else 0) + calibrated
+        images += SPECTRUM_IMAGES if imaging.method != 'exact' else 0
+        sizes['backprojection'] = (
+            (q + w_profiles) * profile_block_bytes + kept + images * image + products,
+            f'({q} + {w_profiles}) blocks of profiles'
+            + (' + profiles of 1 aperture' if kept else '')
+            + f' + {images:g} x 8 B/pixel + {PRODUCTS_KEPT} x {PRODUCT_BYTES} B/pixel')
+    else:
+        n = 2 if imaging.subaperture_sliding else 1
+        sizes['backprojection'] = (
+            (q + w_profiles) * profile_block_bytes + n * aperture_bytes + POLAR_IMAGES * image,
+            f'({q} + {w_profiles}) blocks of profiles + profiles of {n} aperture(s) + '
+            f'{POLAR_IMAGES:g} x 8 B/pixel')
+        images = 1 + SPECTRUM_IMAGES + POLAR_IMAGES + calibrated
+        sizes['afbp_fusion'] = (
+            images * image + products,
+            f'{images:g} x 8 B/pixel + {PRODUCTS_KEPT} x {PRODUCT_BYTES} B/pixel')
+    return tuple(NodeMemory(node, round(BASE_BYTES[node] + n_bytes),
+                            f'{BASE_BYTES[node] / 1e6:.0f} MB + {formula}')
+                 for node, (n_bytes, formula) in sizes.items())
+
+
+_TRACK_POINTS = 33  # of the aperture, and of each side of the grid
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """Ranges and directions of the grid.
+
+    Parameters
+    ----------
+    range_m : float
+        From the middle of the aperture to the middle of the grid, metres.
+    near_m, far_m : float
+        Least and largest distance of a pixel during the aperture, metres.
+    direction : (2,) floats
+        Least and largest direction cosine to the track, seen from the middle of the aperture.
+    grazing_cosine : float
+        Ground range over slant range at the middle of the grid.
+    across_cosine : float
+        Part of the cross-range direction that lies in the ground and across the line of sight.
+    squint_sine : float
+        Sine of the angle between track and line of sight; 1 is broadside.
+    both_sides : bool
+        True when the grid has pixels left and right of the track.
+    """
+
+    range_m: float
+    near_m: float
+    far_m: float
+    direction: tuple[float, float]
+    grazing_cosine: float
+    across_cosine: float
+    squint_sine: float
+    both_sides: bool
+
+    @property
+    def direction_extent(self) -> float:
+        """Extent of the scene in direction cosine."""
+        return self.direction[1] - self.direction[0]
+
+
+def see_scene(acquisition: Acquisition, imaging: Imaging) -> Scene:
+    """Scene of a grid from a straight track.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        Track; it has to move.
+    imaging : Imaging
+        Grid and length of the aperture.
+
+    Returns
+    -------
+    Scene
+    """
+    grid, top_m = imaging.grid, imaging.top_m
+    centre = np.asarray(acquisition.centre_m)
+    velocity = np.asarray(acquisition.velocity_m_per_s)
+    along = velocity / np.linalg.norm(velocity)
+    half_s = 0.5 * (imaging.pulses_per_aperture - 1) / acquisition.prf_hz
+    track = centre + np.linspace(-half_s, half_s, _TRACK_POINTS)[:, None] * velocity
+    edge = _boundary(grid)
+    if top_m != grid.z_m:  # a volume: around its highest layer, too
+        edge = np.concatenate([edge[:-1], _boundary(dataclasses.replace(
+            grid, centre_m=(*grid.centre_m[:2], top_m)))])
+    corners = edge[:: _TRACK_POINTS - 1]
+    # The nearest pixel of a rectangle or box to a point: the point's coordinates, clipped.
+    nearest = np.stack([np.clip(track[:, 0], grid.x_m[0], grid.x_m[-1]),
+                        np.clip(track[:, 1], grid.y_m[-1], grid.y_m[0]),
+                        np.clip(track[:, 2], grid.z_m, top_m)], axis=1)
+    far = np.linalg.norm(track[:, None] - corners, axis=-1).max()
+    from_middle = np.concatenate([edge, _straight_ahead(grid, centre, along)]) - centre
+    # On the platform itself every direction is as good as another.
+    distance = np.maximum(np.linalg.norm(from_middle, axis=1), 1e-9)
+    cosines = from_middle @ along / distance
+    beside = from_middle[:, 1] * along[0] - from_middle[:, 0] * along[1]
+    to_grid = np.asarray(imaging.middle_grid.centre_m) - centre
+    range_m = float(np.linalg.norm(to_grid))
+    sight = to_grid / max(range_m, 1e-9)
+    cross = along - (along @ sight) * sight
+    squint = float(np.linalg.norm(cross))
+    ground = math.hypot(*sight[:2])
+    beside_sight = np.array([-sight[1], sight[0], 0.0]) / max(ground, 1e-9)
+    return Scene(
+        range_m=range_m, near_m=float(np.linalg.norm(track - nearest, axis=1).min()),
+        far_m=float(far), direction=(float(cosines.min()), float(cosines.max())),
+        grazing_cosine=ground, across_cosine=abs(float(cross @ beside_sight)) / max(squint, 1e-9),
+        squint_sine=squint, both_sides=bool(beside.min() < 0 < beside.max()))
+
+
+def _straight_ahead(grid, centre, along) -> np.ndarray:
+    """(0 or 1, 3) pixel that the line of flight points at: the extreme direction inside a grid."""
+    height = grid.z_m - centre[2]
+    if abs(along[2]) * 1e9 <= abs(height) or height == 0:
+        return np.empty((0, 3))
+    x, y = centre[:2] + along[:2] * (height / along[2])
+    return np.array([[np.clip(x, grid.x_m[0], grid.x_m[-1]),
+                      np.clip(y, grid.y_m[-1], grid.y_m[0]), grid.z_m]])
+
+
+def _boundary(grid) -> np.ndarray:
+    """(4 (n - 1) + 1, 3) points around the grid, from corner to corner; the first comes twice."""
+    x = [grid.x_m[0], grid.x_m[-1], grid.x_m[-1], grid.x_m[0], grid.x_m[0]]
+    y = [grid.y_m[0], grid.y_m[0], grid.y_m[-1], grid.y_m[-1], grid.y_m[0]]
+    at = np.arange(4 * (_TRACK_POINTS - 1) + 1) / (_TRACK_POINTS - 1)
+    return np.stack([np.interp(at, range(5), x), np.interp(at, range(5), y),
+                     np.full(len(at), grid.z_m)], axis=1)
+
 
 SAMPLE_BYTES = 8  # complex64
 PHASE_HISTORIES = (Waveform.STEPPED_FREQUENCY, Waveform.FMCW, Waveform.FMCW_REAL)

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..geometry.grids import MapGrid
+from ..signal.background import subtract_background
 from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
-from ..signal.uwb import subtract_background
 from .channel_phases import phase_findings
 from .diagnose import Diagnosis, diagnose
 from .jumps import jump_findings

@@ -17,7 +17,7 @@ from scipy import fft
 
 from ..signal.pulses import PulseBlock
 from ..signal.radar import Waveform
-from ..signal.range_compression.phase_history import GUARD_SAMPLES
+from ..signal.range_compression import GUARD_SAMPLES
 from ..signal.waveforms import lfm_spectrum
 
 REAL = (Waveform.FMCW_REAL, Waveform.PASSBAND)

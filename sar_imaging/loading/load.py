@@ -13,11 +13,11 @@ from ..geometry.alignment import Alignment
 from ..geometry.illumination import Antenna, Mount
 from ..geometry.poses import PoseTable
 from ..numpy_files import check_memory
+from ..signal.background import subtract_background
 from ..signal.positioning import without_range_bias
 from ..signal.pulses import PulseBlock, concatenate
 from ..signal.radar import Waveform
 from ..signal.tdm import locate_channels, move_channels
-from ..signal.uwb import subtract_background
 from . import (
     antenna as antenna_section,
     poses as pose_files,

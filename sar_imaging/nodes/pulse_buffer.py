@@ -11,8 +11,7 @@ from rclpy.clock import Clock, ClockType
 
 from msg_conversions.pulse_block import as_received
 from sar_imaging.configuration.datum import check_fixes
-from sar_imaging.signal.pointing import PointingFinder
-from sar_imaging.signal.positioning import Positioner
+from sar_imaging.signal.positioning import PointingFinder, Positioner
 from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.pulses.buffer import PulseBuffer
 

@@ -1,23 +1,28 @@
 """Image quality: impulse responses, error against a reference, focus, entropy, contrast.
 
-- `impulse_response`, `scatterers`: widths and sidelobes of cuts, and of scatterers in an image;
-- `baseband`: images without their carrier, cropped and read between pixels;
-- `measures`, `focus`: figures of whole images, with a reference and without;
+- `impulse_response`: widths and sidelobes of cuts, and of scatterers in an image;
+- `measures`: figures of whole images, with a reference and without;
 - `verification`: error against time-domain correlation, from some pixels;
-- `interpolation`: band-limited interpolation of sampled cuts and images.
+- `interpolation`: band-limited interpolation of sampled cuts, and of images without their carrier.
 """
 
-from .baseband import crop, project_on_plane, sample_image, to_baseband
-from .focus import FocusFigure, focus_figure
-from .impulse_response import ImpulseResponse, UnmeasurableError, impulse_response
+from .impulse_response import (
+    ImpulseResponse,
+    ScattererQuality,
+    UnmeasurableError,
+    impulse_response,
+    measure_scatterer,
+)
+from .interpolation import crop, project_on_plane, sample_image, to_baseband
 from .measures import (
+    FocusFigure,
     contrast,
     entropy,
     error_db,
+    focus_figure,
     mean_square_error,
     signal_to_distortion_db,
 )
-from .scatterers import ScattererQuality, measure_scatterer
 
 __all__ = [
     'FocusFigure', 'ImpulseResponse', 'ScattererQuality', 'UnmeasurableError', 'contrast', 'crop',

@@ -4,19 +4,16 @@
 - `response`: what an image makes of a target and of noise at each pixel: spreading, antenna
   pattern, area of a resolution cell;
 - `brightness`: cross section, beta nought, sigma nought, gamma nought and noise-equivalent level;
-- `scale`: what samples are multiplied by, for any part of a large image;
-- `live`: the same of images as they come, one response for many of them;
-- `volumes`: the cross section of points in volumes;
+- `scale`: what samples are multiplied by, for any part of a large image, for images as they come
+  and for points in volumes;
 - `speckle`: mean power over looks, and how many looks an image has.
 """
 
 from .brightness import QUANTITIES, brightness, calibrated, noise_equivalent
 from .constant import RadarConstant, noise_power, trihedral_cross_section_m2
-from .live import LiveCalibration
 from .response import ImageResponse, image_response
-from .scale import BrightnessScale, KnotResponse
+from .scale import BrightnessScale, KnotResponse, LiveCalibration, volume_scale
 from .speckle import equivalent_looks, multilook
-from .volumes import volume_scale
 
 __all__ = ['QUANTITIES', 'BrightnessScale', 'ImageResponse', 'KnotResponse', 'LiveCalibration',
            'RadarConstant', 'brightness', 'calibrated', 'equivalent_looks', 'image_response',

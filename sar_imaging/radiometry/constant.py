@@ -93,7 +93,7 @@ class RadarConstant:
         ----------
         amplitude : float
             Magnitude of the image at the reflector's peak, such as
-            `sar_imaging.quality.scatterers.measure_scatterer` finds between pixels.
+            `sar_imaging.quality.impulse_response.measure_scatterer` finds between pixels.
         pixel : (2,) floats
             Row and column of the reflector, whole or not.
         response : ImageResponse

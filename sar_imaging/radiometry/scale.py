@@ -1,24 +1,34 @@
 """What the samples of an image are multiplied by, told at some of its pixels and for any part.
 
 A response changes little from pixel to pixel, and little from pulse to pulse. So some pulses stand
-for all, and splines through 49 x 49 pixels for the rest: large images need no memory for it.
+for all, and splines through 49 x 49 pixels for the rest: large images need no memory for it. While
+images are formed one response does for many of one geometry.
+
+A volume resolves three dimensions. The peak of a point's impulse response in it is
+``K G sqrt(rcs)`` as in any image (see `response`), so that ``|f|^2 / (K G)^2`` is its radar cross
+section. Beta, sigma and gamma nought divide by an area of ground or slant plane within the cell: a
+cell of a volume has none, and how much of a surface passes through it depends on the tilt of that.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import functools
+import math
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
-from ..geometry.grids import Grid, TerrainGrid
+from ..geometry.grids import Grid, TerrainGrid, VolumeGrid
 from ..geometry.illumination import AntennaPattern, Illumination, Pointing
+from ..imaging.image import Image
 from ..imaging.radiometry import Radiometry
+from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
-from .brightness import brightness, radiometry_of
+from .brightness import QUANTITIES, brightness, radiometry_of
 from .constant import RadarConstant
-from .response import ImageResponse, image_response
+from .response import ImageResponse, echo_sums, image_response
 
 _KNOTS = 49  # along a side of the image; splines between them
 _ECHOES, _LEAST_PULSES = 256, 64  # that stand for all of an aperture
@@ -196,3 +206,217 @@ class BrightnessScale:
                 values = np.moveaxis(spline.c, 0, axis)
             splines.append(spline)
         return *splines, values
+
+
+RCS = 'rcs'
+_CELL_NODES = 25  # along a side of the volume
+
+
+def volume_scale(grid: VolumeGrid, tx_m: np.ndarray, rx_m: np.ndarray, constant: RadarConstant, *,
+                 pattern: AntennaPattern | None = None,
+                 pointing: Pointing | None = None) -> BrightnessScale:
+    """Scale of a volume's samples to the cross section of a point in each cell.
+
+    Parameters
+    ----------
+    grid : VolumeGrid
+        Of the volume.
+    tx_m, rx_m : (P, C, 3) float64
+        Phase centres, metres.
+    constant : RadarConstant
+        Of the radar.
+    pattern, pointing : AntennaPattern and Pointing, optional
+        By which the volume is weighed.
+
+    Returns
+    -------
+    BrightnessScale
+        Of quantity ``'rcs'``; no surface, hence no incidence angle (NaN).
+
+    Raises
+    ------
+    ValueError
+        A pattern comes without pointing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid
+    >>> from sar_imaging.geometry import VolumeGrid
+    >>> from sar_imaging.radiometry import RadarConstant, volume_scale
+    >>> places = np.linspace(-0.2, 0.2, 16)
+    >>> centres = np.stack(np.meshgrid(places, [0.0], places), axis=-1).reshape(-1, 1, 3)
+    >>> grid = VolumeGrid.above(MapGrid((0.0, 4.0, 0.0), 41, 41, 0.03), 1.2)
+    >>> scale = volume_scale(grid, centres, centres, RadarConstant(gain=16.0))
+    >>> print(f'{scale.factors()[0, 20, 20]:.4f} m for a sample of 1, {scale.radiometry}')
+    0.0039 m for a sample of 1, rcs, noise-equivalent not known
+    """
+    knots = tuple(np.unique(np.linspace(0, n - 1, min(n, _CELL_NODES)).round().astype(int))
+                  for n in grid.shape)
+    points = grid.positions(*np.ix_(*knots))
+    some = some_pulses(*tx_m.shape[:2])
+    tx_m, rx_m, each = tx_m[some], rx_m[some], tx_m.shape[0] / len(some)
+    lit = illumination_of_some(pattern, pointing, some, tx_m, rx_m)
+    weights = np.full(len(some), each)
+    sums = np.stack([echo_sums(line, tx_m, rx_m, weights, lit, lit is not None)[:2]
+                     for layer in points for line in layer], axis=1)
+    amplitude, noise = sums.reshape(2, *points.shape[:-1])
+    dark = amplitude <= DIM * amplitude.max()
+    amplitude, nowhere = np.where(dark, np.nan, amplitude), np.full(amplitude.shape, np.nan)
+    response = ImageResponse(amplitude, nowhere, nowhere, nowhere, noise / each)
+    return BrightnessScale(np.nan_to_num(constant.gain * amplitude), knots,
+                           radiometry_of(response, constant, RCS))
+
+
+_SAME = 1e-3  # of the range, by which phase centres may have moved: 0.02 dB
+_SAME_ANGLE = 1e-3  # of the antenna's width, by which it may have turned: 0.01 dB
+
+
+class _Geometry(NamedTuple):
+    """What a scale was computed for; places are relative to the middle of the grid, metres."""
+
+    kind: tuple
+    tx_m: np.ndarray
+    rx_m: np.ndarray
+    axes: np.ndarray
+    range_m: float
+    width_rad: float
+
+    def same_as(self, other: _Geometry) -> bool:
+        """Whether another one has the same scale to a few hundredths of a dB."""
+        return (self.kind == other.kind and self.tx_m.shape == other.tx_m.shape
+                and all(np.abs(own - its).max() <= _SAME * self.range_m for own, its in (
+                    (self.tx_m, other.tx_m), (self.rx_m, other.rx_m)))
+                and np.abs(self.axes - other.axes).max() <= _SAME_ANGLE * self.width_rad)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Scale:
+    """What the samples of an image are multiplied by, float32, and what that is."""
+
+    values: np.ndarray
+    radiometry: Radiometry
+
+
+class LiveCalibration:
+    """Calibrates images as they come; the response is kept while the geometry stays.
+
+    It is computed anew where a phase centre has moved by a thousandth of the range, seen from the
+    image, where the antenna has turned by a thousandth of its width, or where the number of
+    pulses is another one. Some pulses stand for all, and splines through 49 x 49 pixels for the
+    rest, which departs from `image_response` by some hundredths of a dB.
+
+    Parameters
+    ----------
+    constant : RadarConstant
+        Of the radar.
+    quantity : str
+        One of `QUANTITIES`.
+    pattern : AntennaPattern, optional
+        Of the antenna; the pulses then have their pointing, and the images were weighed by it.
+    weighting : str
+        Spectral window of the profiles, see `sar_imaging.signal.windows`.
+
+    Raises
+    ------
+    ValueError
+        There is no such quantity.
+
+    Attributes
+    ----------
+    computed : int
+        How often a response was computed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import MapGrid, concatenate, plan_image
+    >>> from sar_imaging.radiometry import LiveCalibration, RadarConstant
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = concatenate(list(SCENARIOS['psf']().blocks()))
+    >>> imager = plan_image(MapGrid((10_000.0, 0.0, 0.0), 25, 25, 0.5), block.radar,
+    ...                     block.n_samples)
+    >>> calibration = LiveCalibration(RadarConstant(gain=3e7), 'rcs')
+    >>> for _ in range(3):  # images of one geometry
+    ...     image = calibration(imager(block), block)
+    >>> print(f'{20 * np.log10(np.abs(image).max()):.1f} dB m^2, {calibration.computed} response')
+    10.5 dB m^2, 1 response
+    """
+
+    def __init__(self, constant: RadarConstant, quantity: str = 'sigma0', *,
+                 pattern: AntennaPattern | None = None, weighting: str = 'none'):
+        if quantity not in QUANTITIES:
+            raise ValueError(f'quantity={quantity!r}; expected one of {", ".join(QUANTITIES)}')
+        self._constant, self._quantity = constant, quantity
+        self._pattern, self._weighting = pattern, weighting
+        self._geometry: _Geometry | None = None
+        self._scale: _Scale | None = None
+        self.computed = 0
+
+    def __call__(self, image: Image, pulses: PulseBlock) -> Image:
+        """The image as calibrated brightness; see `calibrated`.
+
+        Parameters
+        ----------
+        image : Image
+            On a map, on terrain or on a plane; on a volume, whose points have a cross section.
+        pulses : PulseBlock
+            That it was formed from, as range profiles; their samples are not looked at.
+
+        Raises
+        ------
+        ValueError
+            As `image_response`, or the antenna has a pattern and the pulses have no pointing.
+        """
+        scale = self._of(image.grid, pulses)
+        return dataclasses.replace(image, samples=image.samples * scale.values,
+                                   radiometry=scale.radiometry)
+
+    def response(self, image: Image, pulses: PulseBlock) -> tuple[KnotResponse, RadarConstant]:
+        """Response of an image at some of its pixels, and the constant, for files of it.
+
+        Raises
+        ------
+        ValueError
+            As a call.
+        """
+        return self._response(image.grid, pulses), self._constant
+
+    def _of(self, grid: Grid, pulses: PulseBlock) -> _Scale:
+        geometry = self._seen(grid, pulses)
+        if self._geometry is None or not geometry.same_as(self._geometry):
+            scale = (self._of_volume(grid, pulses) if isinstance(grid, VolumeGrid) else
+                     BrightnessScale.of(self._response(grid, pulses), self._constant,
+                                        self._quantity))
+            self._scale = _Scale(scale.factors(), scale.radiometry)
+            self._geometry = geometry  # once that has come to its end
+            self.computed += 1
+        return self._scale
+
+    def _seen(self, grid: Grid, pulses: PulseBlock) -> _Geometry:
+        """The geometry of an image, as seen from the middle of its grid."""
+        flat = getattr(grid, 'map_grid', grid)
+        middle = (flat.positions(*[0] * len(flat.shape))
+                  + 0.5 * (np.array(flat.shape) - 1) @ flat.steps_m)
+        tx_m, rx_m = pulses.tx_m - middle, pulses.rx_m - middle
+        axes, width = np.zeros((pulses.n_pulses, 3, 3)), math.pi
+        if self._pattern is not None:
+            axes = Illumination.of_pulses(self._pattern, pulses.pointing, tx_m[:, :1],
+                                          rx_m[:, :1]).axes
+            width = min(cut.width_rad for cut in (self._pattern.azimuth, self._pattern.elevation))
+        place = tuple(middle) if isinstance(grid, TerrainGrid) else ()  # hills stay where they are
+        kind = (type(grid), grid.shape, flat.steps_m.tobytes(), place, pulses.radar)
+        return _Geometry(kind, tx_m, rx_m, axes,
+                         float(np.linalg.norm(tx_m, axis=-1).min()), width)
+
+    def _of_volume(self, grid: VolumeGrid, pulses: PulseBlock) -> BrightnessScale:
+        if self._quantity != RCS:
+            raise ValueError(f'quantity={self._quantity!r} of a volume, whose cells have no area '
+                             f'of ground; expected {RCS!r}, the cross section of a point')
+        return volume_scale(grid, pulses.tx_m, pulses.rx_m, self._constant,
+                            pattern=self._pattern, pointing=pulses.pointing)
+
+    def _response(self, grid: Grid, pulses: PulseBlock) -> KnotResponse:
+        return KnotResponse.of(grid, pulses.radar, pulses.tx_m, pulses.rx_m,
+                               pattern=self._pattern, pointing=pulses.pointing,
+                               weighting=self._weighting)

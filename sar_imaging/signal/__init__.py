@@ -4,7 +4,7 @@
 - `pulses`: blocks of multichannel pulses, and the buffer that puts a stream of them in order;
 - `range_compression`: raw pulses of every waveform to range profiles;
 - `positioning`, `tdm`: phase centres for pulses that come without, and for antennas in turn;
-- `calibration`, `background`, `uwb`: channel errors, static background, antenna ringing;
+- `calibration`, `background`: channel errors, static echoes and antenna coupling;
 - `spectra`, `magnitudes`: spectra of profiles, and numbers in a mistaken unit.
 """
 

@@ -1,8 +1,13 @@
-"""Remove the static background of a pulse stream: a moving average over slow time is subtracted.
+"""Remove static echoes and antenna coupling: the mean over slow time is subtracted.
 
 The direct path from transmitter to receiver, reflections inside the radar and from its own
 platform do not change from pulse to pulse, whereas the echoes of a scene that is passed by do.
-`sar_imaging.signal.uwb.subtract_background` does the same for a whole recording at once.
+`subtract_background` does the same for a whole recording at once.
+
+A UWB radar samples the pulse at its carrier as real numbers (`Waveform.PASSBAND`);
+`sar_imaging.signal.range_compression` turns them into the analytic signal at baseband. Its direct
+path from transmitter to receiver and the reflections inside it exceed every echo, and they do not
+change from pulse to pulse, whereas the scene of a moving platform does.
 """
 
 from __future__ import annotations
@@ -114,3 +119,33 @@ class BackgroundFilter:
                 f'a time constant of {self.time_constant_s:g} s is too short to tell background '
                 f'from echoes: pulses come every {interval_s:.4g} s; expected '
                 f'{FEWEST_PULSES * interval_s:.4g} s or more')
+
+
+def subtract_background(block: PulseBlock) -> PulseBlock:
+    """Remove what is the same in all pulses of a block: the median of each channel and sample.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        Raw samples or range profiles of at least three pulses from a moving platform; use a
+        whole aperture. A scatterer that stays at one range for more than half of the pulses is
+        taken for background.
+
+    Returns
+    -------
+    PulseBlock
+        The same pulses without background. The median is taken of real and imaginary parts
+        separately.
+
+    Raises
+    ------
+    ValueError
+        There are fewer than three pulses.
+    """
+    if block.n_pulses < 3:
+        raise ValueError(f'{block.n_pulses} pulses have no background to tell from echoes; '
+                         'pass at least three pulses of a moving platform')
+    samples = np.ascontiguousarray(block.samples)  # parts of others have no view as numbers
+    parts = samples.view(np.float32).reshape(*samples.shape, 2)
+    background = np.median(parts, axis=0)
+    return dataclasses.replace(block, samples=(parts - background).view(np.complex64)[..., 0])

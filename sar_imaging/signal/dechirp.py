@@ -7,7 +7,7 @@ the time t after the ramp's start. An echo at the delay tau beats with the phase
 
 The last term, the residual video phase, is what a stepped-frequency radar does not have: it
 changes with range and so along the aperture, and defocuses the image of a long or near track.
-Range compression removes it (`sar_imaging.signal.range_compression.phase_history`).
+Range compression removes it (`sar_imaging.signal.range_compression`).
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from ..geometry.illumination import AntennaPattern
 from ..imaging.image import Image
 from ..imaging.imager import Imager, plan_image
 from ..imaging.methods import AFBP, EXACT, method_class
-from ..quality.focus import FocusFigure, focus_figure
+from ..quality.measures import FocusFigure, focus_figure
 from ..signal.pulses import PulseBlock
 from ..signal.pulses.apertures import (
     Aperture,

@@ -16,7 +16,7 @@ from sar_imaging.configuration.datum import configured_datum
 from sar_imaging.configuration.parameters import ConfigurationFileError, read_configuration
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.simulation.scenarios import SCENARIOS
-from sar_imaging.simulation.scenarios.configured import configured_scenario
+from sar_imaging.simulation.scenarios.catalogue import configured_scenario
 from sar_imaging.simulation.scenarios.scenario import Scenario
 
 from .ending import run_command

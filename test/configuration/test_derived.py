@@ -9,9 +9,8 @@ from hypothesis import assume, given, settings, strategies as st
 from scipy.optimize import brentq
 
 from sar_imaging.configuration import derive
-from sar_imaging.configuration.derived import width_factor
+from sar_imaging.configuration.derived import see_scene, width_factor
 from sar_imaging.configuration.report import rows
-from sar_imaging.configuration.scene import see_scene
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor

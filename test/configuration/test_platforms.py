@@ -13,7 +13,7 @@ from sar_imaging.quality import measure_scatterer
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.signal.waveforms import n_pulse_samples
-from sar_imaging.simulation.scenarios.configured import configured_scenario
+from sar_imaging.simulation.scenarios.catalogue import configured_scenario
 
 from .conftest import MACHINE
 

@@ -15,7 +15,7 @@ from sar_imaging.configuration.startup import (
     report_parameters,
 )
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.simulation.scenarios.configured import configured_scenario
+from sar_imaging.simulation.scenarios.catalogue import configured_scenario
 
 from .conftest import MACHINE
 

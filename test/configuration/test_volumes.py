@@ -10,8 +10,8 @@ import pytest
 
 from sar_imaging.configuration import check, derive
 from sar_imaging.configuration.constraints import check_settings
+from sar_imaging.configuration.derived import see_scene
 from sar_imaging.configuration.report import rows
-from sar_imaging.configuration.scene import see_scene
 
 from .conftest import MACHINE, make_acquisition, make_imaging
 

@@ -8,7 +8,7 @@ from msg_conversions.images import complex_from_message, map_metadata_from_messa
 from sar_imaging.configuration import Machine, derive
 from sar_imaging.configuration.parameters import default_file, read_configuration
 from sar_imaging.quality import measure_scatterer
-from sar_imaging.simulation.scenarios.configured import configured_scenario
+from sar_imaging.simulation.scenarios.catalogue import configured_scenario
 from sar_imaging.tools.simulate import scenario_truth
 
 CAR = default_file().with_name('automotive_77ghz.yaml')

@@ -8,7 +8,7 @@ from benchmarks.support.radiometry_scenes import GAIN, Flight, rough_surface
 from sar_imaging.geometry import PlaneGrid
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.quality.scatterers import measure_scatterer
+from sar_imaging.quality.impulse_response import measure_scatterer
 from sar_imaging.radiometry import (
     RadarConstant,
     brightness,

@@ -10,7 +10,7 @@ from sar_imaging.geometry import MapGrid, TerrainGrid
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.imaging.image import Image, Report
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.quality.scatterers import measure_scatterer
+from sar_imaging.quality.impulse_response import measure_scatterer
 from sar_imaging.radiometry import LiveCalibration, RadarConstant, calibrated, image_response
 
 

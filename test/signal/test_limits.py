@@ -7,13 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
+from sar_imaging.signal.background import subtract_background
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.pulses.buffer import PulseBuffer
 from sar_imaging.signal.pulses.sequence import RestartDetector
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
-from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.signal.range_compression.phase_history import fast_length
-from sar_imaging.signal.uwb import subtract_background
+from sar_imaging.signal.range_compression import RangeCompressor, fast_length
 from sar_imaging.signal.waveforms import check_lfm
 from sar_imaging.signal.windows import parse_window
 

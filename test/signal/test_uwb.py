@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from sar_imaging.signal.background import subtract_background
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.signal.uwb import subtract_background
 from sar_imaging.signal.windows import window as window_weights
 from sar_imaging.simulation.echoes import EchoSimulator
 

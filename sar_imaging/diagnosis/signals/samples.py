@@ -9,10 +9,10 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import fft
 
+from ...signal.background import subtract_background
 from ...signal.pulses import PulseBlock
 from ...signal.radar import Waveform
 from ...signal.range_compression import RangeCompressor
-from ...signal.uwb import subtract_background
 from .finding import LIKELY, Finding
 
 _REAL = (Waveform.FMCW_REAL, Waveform.PASSBAND)

@@ -1,9 +1,8 @@
 """Poses of a platform on their own clock: kept, judged, and interpolated.
 
 - `table`: poses as a file or a recording holds them;
-- `track`: poses in order, as they come, with their gaps, outliers and jumps;
-- `motion`: whether a pose continues the motion of those before;
-- `interpolation`: positions and attitudes between them.
+- `track`: poses in order, as they come, with their gaps, outliers and jumps, and between them;
+- `motion`: whether a pose continues the motion of those before.
 """
 
 from .motion import Departure

@@ -10,7 +10,7 @@ from sar_imaging.diagnosis import diagnose
 from sar_imaging.diagnosis.coherence import compile_kernels
 from sar_imaging.diagnosis.reach import reach_advice
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.quality.focus import FocusFigure, focus_figure
+from sar_imaging.quality.measures import FocusFigure, focus_figure
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 
 from ..runtime.health import Health, Part

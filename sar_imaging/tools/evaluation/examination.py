@@ -10,7 +10,7 @@ from sar_imaging.autofocus.report import FOCUSED, FOCUSED_ALREADY
 from sar_imaging.diagnosis import Diagnosis, diagnose
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.quality.focus import FocusFigure, focus_figure
+from sar_imaging.quality.measures import FocusFigure, focus_figure
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 

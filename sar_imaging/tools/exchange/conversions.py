@@ -15,8 +15,7 @@ from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.illumination import Antenna
-from sar_imaging.signal.pointing import PointingFinder
-from sar_imaging.signal.positioning import locate
+from sar_imaging.signal.positioning import PointingFinder, locate
 from sar_imaging.signal.pulses import PulseBlock
 
 from ..recordings.bag_io import BagError, check_target, read_blocks, read_poses, write_bag

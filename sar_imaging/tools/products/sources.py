@@ -17,8 +17,7 @@ from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.illumination import AntennaPattern
-from sar_imaging.signal.pointing import PointingFinder
-from sar_imaging.signal.positioning import locate, without_range_bias
+from sar_imaging.signal.positioning import PointingFinder, locate, without_range_bias
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.radar import RadarParameters
 from sar_imaging.signal.range_compression import RangeCompressor

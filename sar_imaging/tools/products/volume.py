@@ -18,7 +18,7 @@ from sar_imaging.geometry.grids import VolumeGrid
 from sar_imaging.imaging.image import Image, error_in_words
 from sar_imaging.quality.verification import Verification
 from sar_imaging.radiometry import RadarConstant
-from sar_imaging.radiometry.volumes import RCS
+from sar_imaging.radiometry.scale import RCS
 
 from . import brightness, forming
 from .sources import Source, SourceError

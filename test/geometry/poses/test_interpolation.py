@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sar_imaging.geometry.poses.interpolation import interpolate_poses
+from sar_imaging.geometry.poses.track import interpolate_poses
 
 OMEGA = 2 * np.pi * 0.8  # rad/s, a robot that sways
 AMPLITUDE = np.array([0.3, 0.1, 0.05])

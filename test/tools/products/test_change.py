@@ -10,7 +10,7 @@ import pathlib
 import numpy as np
 import pytest
 
-from sar_imaging.simulation.scenarios.passes import BASELINE_M, CAR_M, TERRACE_HEIGHT_M
+from sar_imaging.simulation.scenarios.catalogue import BASELINE_M, CAR_M, TERRACE_HEIGHT_M
 from sar_imaging.tools.command import main
 from sar_imaging.tools.products.sources import open_source
 

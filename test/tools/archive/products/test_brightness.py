@@ -10,7 +10,7 @@ import pytest
 from benchmarks.support.radiometry_scenes import GAIN, Flight, rough_surface
 from sar_imaging.formats import read_sicd
 from sar_imaging.geometry.illumination import Antenna, Illumination, Pointing
-from sar_imaging.quality.scatterers import measure_scatterer
+from sar_imaging.quality.impulse_response import measure_scatterer
 from sar_imaging.radiometry import RadarConstant, brightness
 from sar_imaging.tools.archive.jobs import (
     Brightness,
