@@ -4,6 +4,7 @@ Run from the repository root::
 
     python -m benchmarks.autofocus_flights            # random flights
     python -m benchmarks.autofocus_flights --widths   # straight legs, each searched with 4 widths
+    python -m benchmarks.autofocus_flights --out-of-reach   # the right offset cannot be tried
     python -m benchmarks.autofocus_flights --rails ../shared/data    # measured ones, likewise
 
 Flights of `sar_imaging.simulation.trials.drone_flights`, UWB and FMCW in turn, hovering, turning
@@ -53,7 +54,9 @@ RAILS = (('team5_rail', 'bwsi2019_team5_rail'), ('team6_rail_fitted', 'bwsi2019_
 RAIL_OFFSETS_S = (0.1, -0.25, -0.8, 2.0)
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'autofocus_flights.json'
 WIDTH_RESULTS = RESULTS.with_name('autofocus_widths.json')
+OUT_OF_REACH_RESULTS = RESULTS.with_name('autofocus_out_of_reach.json')
 RAIL_RESULTS = RESULTS.with_name('autofocus_rails.json')
+OUT_OF_REACH_S, TOO_NARROW_S = 3.9, 1.0  # 3.25 s are tried of it
 SMALLEST_S, LARGEST_S, WIDEST_S = 0.03, 2.0, 5.0
 TIMES = (1.0, 3.0, 10.0, 40.0)  # of the true error, that is searched for
 WIDTHS_S = (0.3, 1.0, 2.0, 5.0)
@@ -129,6 +132,13 @@ def random_case(seed: int) -> Case:
     expected_s = min(TIMES[seed % 4 if seed % 8 < 4 else -1 - seed % 4] * size_s, WIDEST_S)
     return Case(seed, disturbed(flight, disturbances, rng), disturbances,
                 float(rng.choice([-1.0, 1.0]) * size_s), float(expected_s))
+
+
+def out_of_reach(seed: int) -> Case:
+    """A flight whose clock is wrong by more than is tried."""
+    case = random_case(seed)
+    return dataclasses.replace(case, expected_s=TOO_NARROW_S, offset_s=float(
+        np.copysign(OUT_OF_REACH_S, case.offset_s)))
 
 
 def disturbed(flight: DroneFlight, disturbances, rng) -> DroneFlight:
@@ -277,6 +287,7 @@ def main() -> None:
     parser.add_argument('--flights', type=int, default=200, metavar='N')
     parser.add_argument('--first', type=int, default=60_000, metavar='SEED')
     parser.add_argument('--widths', action='store_true', help='straight legs with all widths')
+    parser.add_argument('--out-of-reach', action='store_true', help='too narrow a search')
     parser.add_argument('--rails', type=pathlib.Path, metavar='FOLDER', help='measured passes')
     parser.add_argument('--output', type=pathlib.Path, help=f'instead of {RESULTS.name}')
     parser.add_argument('--go-on', action='store_true',
@@ -285,7 +296,8 @@ def main() -> None:
     arguments = parser.parse_args()
     began = time.monotonic()
     output = arguments.output or (RAIL_RESULTS if arguments.rails else
-                                  WIDTH_RESULTS if arguments.widths else RESULTS)
+                                  WIDTH_RESULTS if arguments.widths else
+                                  OUT_OF_REACH_RESULTS if arguments.out_of_reach else RESULTS)
     results = {'machine': machine(), 'summary': {}, 'flights': []}
     if arguments.go_on:
         results = json.loads(output.read_text())
@@ -294,7 +306,7 @@ def main() -> None:
     seeds = range(arguments.first, arguments.first + arguments.flights)
     cases = (rail_cases(arguments.rails) if arguments.rails else
              (case for seed in seeds for case in width_cases(seed)) if arguments.widths else
-             map(random_case, seeds))
+             map(out_of_reach if arguments.out_of_reach else random_case, seeds))
     for case in tqdm(cases):
         key = case.seed, case.flight.radar_kind, round(case.offset_s, 4), round(case.expected_s, 3)
         if key in known or time.monotonic() - began > 60 * arguments.minutes:

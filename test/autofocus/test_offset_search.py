@@ -172,7 +172,7 @@ def test_what_the_halves_tell_is_enough_for_a_claim_only_with_points_in_phase():
     some = curve(peaks((30, 4.0), (45, 2.0)), best=30)  # 2 of each half
     assert not some.doubts() and not some.open_points(coherence=0.7)
     [reason] = some.open_points()
-    assert 'by 12.0 standard deviations together, less than 16' in reason
+    assert 'by 12.0 standard deviations together, less than 20' in reason
 
 
 def test_two_offsets_that_are_equally_sharp_are_told():
