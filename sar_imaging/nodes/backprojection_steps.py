@@ -281,13 +281,13 @@ class ImageStep(BackprojectionStep):
         """Publish an image on all its topics."""
         self._send(product)
         seconds = self._count_product(product.n_missing, product.predicted_error_db)
-        self.health.count('images_published')
         self.health.set('pulses_missing_in_last_aperture', product.n_missing)
         details = f'; {product.details}' if isinstance(product, FocusedImage) else ''
         figure = count_focus(product.image, self.health)
         self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, '
                          f'{error_in_words(product.predicted_error_db)}, {figure}'
                          f'{self._brightness.told}{details}')
+        self.health.count('images_published')
         self._watch.judge(product.aperture, figure)
 
     def describe(self, product: ApertureImage) -> str:

@@ -94,8 +94,8 @@ def parser() -> argparse.ArgumentParser:
                    help='follow the recording times, so many times as fast; 1 is real time '
                         '(default: as fast as the nodes work without loss)')
     p.add_argument('--timeout', type=_positive, default=60.0, metavar='SECONDS',
-                   help='longest wait for running nodes, and for the image after the last pulse '
-                        '(default: %(default)g)')
+                   help='longest wait for running nodes, for the image after the last pulse, '
+                        'and for the search for mistakes after it (default: %(default)g)')
     return p
 
 
@@ -220,6 +220,8 @@ def _replay(recording: Recording, arguments: argparse.Namespace, names: Sequence
             observer.status_after(name, now, now + 5.0, check)
         # an image is published before it is counted
         while not _imagers(_counted(observer, before)) and time.monotonic() < now + 5.0:
+            observer.spin(check)
+        while observer.diagnosing and time.monotonic() < now + arguments.timeout:
             observer.spin(check)
         counters = _counted(observer, before)
         return _Result(aperture, length, observer.image, observer.image.received_s - sent_s,

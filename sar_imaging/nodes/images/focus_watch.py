@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 import numpy as np
 
-from sar_imaging.diagnosis import diagnose
+from sar_imaging.diagnosis import Diagnosis, diagnose
 from sar_imaging.diagnosis.coherence import compile_kernels
 from sar_imaging.diagnosis.reach import reach_advice
 from sar_imaging.geometry.grids import MapGrid
@@ -17,7 +18,8 @@ from ..runtime.health import Health, Part
 from ..runtime.worker import aside
 
 COUNTERS = ('focus_peak_db', 'focus_entropy', 'focus_contrast', 'images_at_noise_level')
-DIAGNOSIS_COUNTERS = ('focus_coherence', 'diagnosis_seconds')
+SECONDS = 'diagnosis_seconds'  # NaN while one goes on
+DIAGNOSIS_COUNTERS = ('focus_coherence', SECONDS)
 MISTAKE = 'mistake'  # key of the text on /diagnostics
 _FEWEST_PULSES = 16
 _MOST_BYTES = 256e6  # of profiles kept for the diagnosis
@@ -107,6 +109,7 @@ class FocusWatch:
         self._wanted = False
         self._kept = []
         radar = self._radar
+        self._health.set(SECONDS, math.nan)
         aside(lambda: self._examine(aperture, blocks, radar, figure), 'diagnosis')
 
     def _examine(self, aperture: int, blocks: list[PulseBlock], radar: tuple,
@@ -115,12 +118,14 @@ class FocusWatch:
         began = time.perf_counter()
         try:
             diagnosis = diagnose(concatenate(blocks), self._grid)
+            if radar == self._radar:  # else another one sends meanwhile
+                self._tell(aperture, diagnosis, figure)
         except Exception as error:
             self._health.warning(f'aperture {aperture} could not be examined: {error}')
-            return
-        if radar != self._radar:
-            return  # another one sends meanwhile
-        self._health.set('diagnosis_seconds', time.perf_counter() - began)
+        finally:
+            self._health.set(SECONDS, time.perf_counter() - began)
+
+    def _tell(self, aperture: int, diagnosis: Diagnosis, figure: FocusFigure | None) -> None:
         self._health.set('focus_coherence', diagnosis.coherence)
         self._was_focused = diagnosis.focused
         self._health.tell(MISTAKE, diagnosis.advice)

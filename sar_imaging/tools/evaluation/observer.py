@@ -227,6 +227,11 @@ class Observer:
         text = self._text(name, key) if name in self._status else ''
         return float(text) if text and math.isfinite(float(text)) else None
 
+    @property
+    def diagnosing(self) -> bool:
+        """Whether a node still looks for what is wrong with an aperture."""
+        return any(self._text(name, 'diagnosis_seconds') == 'nan' for name in self._status)
+
     def _text(self, name: str, key: str) -> str:
         return next((pair.value for pair in self._status[name][1].values if pair.key == key), '')
 
