@@ -91,7 +91,7 @@ def turning(kind: str, seed: int, n: int) -> Rotation:
     time = np.linspace(0.0, 1.0, n)[:, None]
     waves = sum(rng.standard_normal(3) * np.sin(
         2 * np.pi * (rng.uniform(0.6, 1.2, 3) * k * time + rng.random(3))) for k in (1, 2, 3))
-    guided = kind in ('slider', 'rail', 'arcsar', 'mimo')
+    guided = kind in ('slider', 'rail', 'mimo')
     rms_deg = rng.uniform(0.3, 1.0) * np.array([0.3, 0.3, 1.0]) if guided else rng.uniform(
         1.5, 4.0, 3)
     return Rotation.from_rotvec(np.radians(rms_deg) * waves / waves.std(axis=0))
@@ -102,7 +102,14 @@ def measured_cases() -> Iterator[Case]:
     if DATA.is_dir():
         for make in MEASURED.values():
             recording = make()
-            yield Case(recording.name, recording.block, recording.grid, recording.window)
+            arm = rotating_arm(recording.block) if recording.name == 'arcsar' else None
+            yield Case(recording.name, recording.block, recording.grid, recording.window, arm)
+
+
+def rotating_arm(block: PulseBlock) -> Rotation:
+    """Attitudes of an arm that turns about the origin, x along it."""
+    x, y = block.phase_centre_m[:, :2].T
+    return Rotation.from_rotvec(np.arctan2(y, x)[:, None] * [0.0, 0.0, 1.0])
 
 
 def _track(rng, n: int, length_m: float, height_m: float, wander: float) -> np.ndarray:

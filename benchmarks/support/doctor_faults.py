@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sar_imaging.diagnosis.hypotheses import with_offset, with_slope
-from sar_imaging.diagnosis.signals.samples import with_words_exchanged
+from sar_imaging.diagnosis.signals import with_words_exchanged
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
@@ -240,6 +240,8 @@ def interfered(case, rng):
 
 def lever_arm(case, rng):
     """The antenna is 0.3 to 0.8 m beside the point that the poses are of."""
+    if case.attitude is None:
+        raise NotApplicable
     block = case.block
     arm = rng.standard_normal(3)
     arm *= rng.uniform(0.3, 0.8) / np.linalg.norm(arm)
@@ -251,7 +253,7 @@ def lever_arm(case, rng):
 
 def whole_arm(case, rng):
     """The poses are of the pivot of a rotating arm, or of a place between it and the antenna."""
-    if case.kind != 'wide':
+    if case.kind not in ('wide', 'arcsar'):
         raise NotApplicable
     block = case.block
     arm = rng.uniform(0.3, 1.0) * float(np.linalg.norm(block.tx_m[0, 0])) * np.array([1, 0, 0])
@@ -306,7 +308,7 @@ FAULTS: dict[str, tuple[Callable, tuple[str, ...]]] = {
     'words in another order': (words, ('order of I and Q',)),
     'unequal I and Q': (unequal, ('unequal I and Q',)),
     'Q missing': (without_q, ('real samples',)),
-    'magnitudes only': (magnitudes, ('magnitudes only',)),
+    'magnitudes only': (magnitudes, ('magnitudes only', 'real samples')),
     'phase of a channel': (phases, ('phases of channels',)),
     'incomplete pulses': (incomplete, ('incomplete pulses',)),
     'interference': (interfered, ('interference',)),

@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..diagnosis.reach import reach_advice
+from ..diagnosis.hypotheses import reach_advice
 from ..signal.pulses import PulseBlock
 from .antenna import NONE
 from .constraints import Finding, check, check_settings

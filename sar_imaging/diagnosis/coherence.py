@@ -17,13 +17,16 @@ import math
 
 import numpy as np
 
+from ..compilation import njit, numba
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
-from . import kernels
 
 OVERSAMPLING = 4.0  # of the profiles: linear interpolation is then good to -30 dB
 _GROUPS = 64
+# Of an aperture, however many channels: where channels agree over the whole map, as those above
+# each other do, n parts reach a contrast of (n - 1) / (2 sqrt(n)) at the most.
+_FEWEST_PARTS = 16
 _MOST_ROWS = 1024
 _STEPS = 4096  # of a cycle; good to -60 dB
 _TURNS = tuple(f(2 * np.pi * np.arange(_STEPS) / _STEPS).astype(np.float32)
@@ -233,7 +236,7 @@ class _Rows:
         if len(channels) == 1:  # of many, errors show only between groups of their own
             pulses = pulses[np.argsort(_directions(block.select(pulses), towards_m),
                                        kind='stable')]
-        parts = min(len(pulses), max(1, _GROUPS // len(channels)))
+        parts = min(len(pulses), max(_FEWEST_PARTS, _GROUPS // len(channels)))
         # One group is a channel's pulses in a part of the aperture.
         part = np.arange(len(pulses)) * parts // len(pulses)
         group = (np.arange(len(channels))[:, None] * parts + part).ravel()
@@ -267,8 +270,8 @@ class _Rows:
         power = np.empty(len(points), np.float32)
         covered = np.empty(len(points), np.int64)
         radar = self.radar
-        kernels.sum_groups(np.ascontiguousarray(points), self.tx_m, self.rx_m,
-                           np.array_equal(self.tx_m, self.rx_m), self.group, self.samples,
+        _sum_groups(np.ascontiguousarray(points), self.tx_m, self.rx_m,
+                    np.array_equal(self.tx_m, self.rx_m), self.group, self.samples,
                            radar.range_start_m, radar.sample_spacing_m, 2 / radar.wavelength_m,
                            *_TURNS, total, power, covered)
         return total, power, covered / max(len(self.tx_m), 1)
@@ -338,6 +341,72 @@ def resolved(grid: MapGrid, block: PulseBlock) -> MapGrid:
     if spacing >= grid.spacing_m:
         return grid
     return MapGrid.from_size(grid.centre_m, size_x, size_y, spacing)
+
+
+@njit(parallel=True)
+def _sum_groups(points, tx, rx, monostatic, group, profiles, start_m, spacing_m, per_metre,
+                cosine, sine, total, power, covered):
+    """Backproject onto points; linear interpolation between samples.
+
+    Parameters
+    ----------
+    points : (K, 3) float64
+        Positions, metres.
+    tx, rx : (R, 3) float64
+        Phase centres of the rows, metres.
+    monostatic : bool
+        Both are the same.
+    group : (R,) int64
+        Group of each row, ascending.
+    profiles : (R, N) complex64
+        Oversampled at least four times.
+    start_m, spacing_m : float
+        Half path of the first sample and between samples, metres.
+    per_metre : float
+        Cycles of the carrier per metre of half path, 2 / lambda.
+    cosine, sine : (T,) float32
+        Of a cycle in T steps.
+    total : (K,) complex64
+        Receives the sum over all rows.
+    power : (K,) float32
+        Receives the sum of the squared magnitudes of the groups' sums.
+    covered : (K,) int64
+        Receives the number of rows whose profile reaches the point.
+    """
+    n_rows, n_samples = profiles.shape
+    per_sample = 1.0 / spacing_m
+    n_steps = len(cosine)
+    for k in numba.prange(len(points)):
+        x, y, z = points[k, 0], points[k, 1], points[k, 2]
+        all_re = all_im = re = im = strength = np.float32(0.0)
+        n = 0
+        for row in range(n_rows):
+            if row and group[row] != group[row - 1]:
+                all_re += re
+                all_im += im
+                strength += re * re + im * im
+                re = im = np.float32(0.0)
+            d = np.sqrt((x - tx[row, 0]) ** 2 + (y - tx[row, 1]) ** 2 + (z - tx[row, 2]) ** 2)
+            if not monostatic:
+                d = 0.5 * (d + np.sqrt((x - rx[row, 0]) ** 2 + (y - rx[row, 1]) ** 2
+                                       + (z - rx[row, 2]) ** 2))
+            place = (d - start_m) * per_sample
+            if not 0.0 <= place < n_samples - 1:
+                continue
+            n += 1
+            cell = int(place)
+            t = np.float32(place - cell)
+            a, b = profiles[row, cell], profiles[row, cell + 1]
+            v_re = a.real + t * (b.real - a.real)
+            v_im = a.imag + t * (b.imag - a.imag)
+            cycles = d * per_metre
+            step = int((cycles - np.floor(cycles)) * n_steps)
+            c, s = cosine[step], sine[step]
+            re += v_re * c - v_im * s
+            im += v_re * s + v_im * c
+        total[k] = complex(all_re + re, all_im + im)
+        power[k] = strength + re * re + im * im
+        covered[k] = n
 
 
 def compile_kernels() -> None:

@@ -35,16 +35,17 @@ from .coherence import (
 from .hypotheses import (
     HYPOTHESES,
     ORDER,
+    RAMPS,
     Hypothesis,
     clock_drift,
     clock_offset,
     clock_offsets,
     clock_rates,
+    slopes,
     with_offset,
     with_slope,
     wrong_slope,
 )
-from .profile_changes import RAMPS
 from .range_walk import walk_scale
 from .track import at_rest, track_doubts
 
@@ -64,7 +65,6 @@ _MOST_OFFSETS = 100  # on each side
 _LONGEST_LIVE_S = 2.0  # offset of a clock
 _FELT_RAD = 1.5  # rms phase from one value to the next
 _PEAKS = 3  # of a search, that are refined
-_SLOPES = np.linspace(0.7, 1.45, 41)
 _WORTH = 0.8  # of the least contrast, on few pixels
 _ABOVE_NOISE = 2.0  # times its agreement
 # Times the agreement of the data as they are: about half a decibel of contrast. With a value
@@ -74,13 +74,14 @@ _CERTAIN = 10.0  # times its agreement, from which on nothing else is tried
 _PLAINLY = 2.0  # times its agreement, from which on halves are not asked
 _LIKELIER = 1.1  # times the agreement of another mistake: less tells the two not apart
 _DARKER, _AS_BRIGHT = 0.8, 0.95  # times the contrast, of images out of focus and in focus
-_AS_DARK = 0.7  # of the contrast, which those that agree more have to reach
 _MIRRORED = 0.5  # of the contrast of a mirrored scene: an image of less is not in focus
 _ALIKE = 0.8  # of contrast and agreement: a mirrored scene is as sharp
 _LEAST_COVERAGE = 0.25
 _WALK = 0.07  # by which scatterers walk too far, or too little
 _REFUTES, _TELLS = 0.9, 0.999  # confidence in another slope
 _WALK_STEPS = 2
+_FEWEST_WALKING = 3  # scatterers
+_SLOPE = 'wrong slope'
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,7 +111,8 @@ class Diagnosis:
     alternatives : tuple of str
         Names of other mistakes that explain the image as well as the one that is named.
     undecided : tuple of str
-        Names of mistakes that this aperture cannot tell: mirrored scenes are as much in focus.
+        Names of mistakes that this aperture cannot tell: the scene that is mirrored, moved or
+        scaled is as much in focus.
     doubtful : tuple of str
         Those of them whose images are clearly sharper than the one of the data, which is not
         clearly in focus.
@@ -228,7 +230,7 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none', thorough
     walked = attempts.slope_by_walk() if thorough and not doubts else None
     return dataclasses.replace(
         walked or _unexplained(block, first, doubts), n_tried=len(tried),
-        undecided=tuple(dict.fromkeys(t.mistake.name for t in undecided)),
+        undecided=tuple(dict.fromkeys([*(t.mistake.name for t in undecided), *attempts.blind])),
         doubtful=tuple(dict.fromkeys(t.mistake.name for t in undecided if t.gain > BETTER
                                      and first.contrast < _CLEARLY)))
 
@@ -257,11 +259,12 @@ class _Tried:
         if self.mistake.of_samples:
             # where groups agree less than those of noise, 1 on average, contrast is over noise
             lit *= min(before.mean, 1.0)
-        # the part of an aperture that an offset leaves agrees widely, with less contrast
-        stands_out = (self.mistake.shortens
-                      and result.spread > _CERTAIN * max(before.spread, 1.0))
-        focus = LEAST * (_WORTH if stands_out else 1.0)
-        return (result.coverage >= _LEAST_COVERAGE and self.gain > BETTER
+        # layers below a track, and the part of an aperture that an offset leaves, agree widely
+        stands_out = result.spread > _CERTAIN * max(before.spread, 1.0)
+        focus = 1.0 if stands_out else LEAST
+        # where contrast says the opposite, pulses have to agree plainly better
+        better = BETTER if result.contrast >= lit else _PLAINLY
+        return (result.coverage >= _LEAST_COVERAGE and self.gain > better
                 and result.agreement > _ABOVE_NOISE * NOISE
                 and result.contrast > max(focus, least_contrast(lit)))
 
@@ -284,9 +287,11 @@ def least_contrast(contrast: float) -> float:
 def _best(tried: Iterable[_Tried]) -> _Tried | None:
     """The mistake without which pulses agree clearly better than as they are."""
     helping = [t for t in tried if t.helps and not t.mirrors]
-    most = max((t.result.contrast for t in helping), default=0.0)
     # short arrays agree over wide parts of a scene that is not in focus
-    helping = [t for t in helping if t.result.contrast > _AS_DARK * most]
+    most = max((t.gain for t in helping), default=0.0)
+    helping = [t for t in helping if t.gain * _PLAINLY >= most]
+    sharpest = max((t.result.contrast for t in helping), default=0.0)
+    helping = [t for t in helping if t.result.contrast > _DARKER * sharpest]
     while helping:
         # an offset of the clock leaves out pulses: of two that help as much, the sharper counts
         gain = max(t.gain for t in helping) / _LIKELIER
@@ -312,7 +317,7 @@ def _likelier(found: _Tried | None, searched: _Tried | None) -> _Tried | None:
 
 def _as_sharp(tried: _Tried) -> bool:
     """Whether the mirrored scene is in focus, and as right as the one of the data."""
-    return (tried.result.contrast > max(LEAST, _ALIKE * tried.before.contrast)
+    return (tried.result.contrast > max(NOTHING, _ALIKE * tried.before.contrast)
             and tried.result.agreement > _ALIKE * tried.before.agreement)
 
 
@@ -364,6 +369,7 @@ class _Attempts:
         self._probe = CoherenceProbe(grid, BUDGET, TILE)
         self.first = self._probe(self._profiles)
         self._tells_slope = not block.compressed and block.radar.waveform in RAMPS
+        self.blind: list[str] = []  # mistakes with which the aperture is as much in focus
 
     def _compressed(self, block: PulseBlock) -> PulseBlock:
         window = 'none' if block.compressed else self._window
@@ -415,6 +421,7 @@ class _Attempts:
         for tried in alone._searched(thorough):
             if not (thorough and alone._refuted(tried.mistake)):
                 yield tried
+        self.blind = alone.blind
 
     def _searched(self, thorough: bool) -> Iterator[_Tried]:
         block, profiles = self._block, self._profiles
@@ -426,24 +433,34 @@ class _Attempts:
         if len(offsets):
             yield self._search(profiles, offsets, clock_offset, lambda some, offset, track:
                                with_offset(some, offset, track=track))
+        else:
+            self.blind.append('clock offset')
         if not thorough:
             return
         rates = clock_rates(profiles, places, felt_rad=_FELT_RAD)
         if len(rates):
             yield self._search(profiles, rates, clock_drift, lambda some, rate, track:
                                with_offset(some, 0.0, rate, track))
-        if self._tells_slope:
-            def mistake(factor):
-                return wrong_slope(factor, block.radar)
+        else:
+            self.blind.append('clock drift')
+        if not self._tells_slope:
+            return
+        factors = slopes(profiles, places)
+        if not len(factors):
+            self.blind.append(_SLOPE)
+            return
 
-            tried = self._search(block, _SLOPES, mistake,
-                                 lambda some, factor, track: with_slope(some, factor))
-            yield tried
-            factor = tried.mistake.sizes[0]
-            factor *= walk_scale(self._compressed(with_slope(block, factor)), self._grid).scale
-            if _SLOPES[0] <= factor <= _SLOPES[-1]:
-                changed = self._compressed(with_slope(block, factor))
-                yield self._tried(mistake(factor), changed, self._probe(changed))
+        def mistake(factor):
+            return wrong_slope(factor, block.radar)
+
+        tried = self._search(block, factors, mistake,
+                             lambda some, factor, track: with_slope(some, factor))
+        yield tried
+        factor = tried.mistake.sizes[0]
+        factor *= walk_scale(self._compressed(with_slope(block, factor)), self._grid).scale
+        if factors[0] <= factor <= factors[-1]:
+            changed = self._compressed(with_slope(block, factor))
+            yield self._tried(mistake(factor), changed, self._probe(changed))
 
     def _refuted(self, tried: Hypothesis) -> bool:
         """Whether scatterers still walk as with another slope of the ramp."""
@@ -460,7 +477,9 @@ class _Attempts:
         if not self._tells_slope:
             return None
         as_it_is = walk_scale(self._profiles, self._grid)
-        if not as_it_is.off(_WALK, _TELLS, 3):
+        if _SLOPE in self.blind and as_it_is.n_scatterers >= _FEWEST_WALKING:
+            self.blind.remove(_SLOPE)
+        if not as_it_is.off(_WALK, _TELLS, _FEWEST_WALKING):
             return None
         factor = as_it_is.scale
         for _ in range(_WALK_STEPS):  # where ranges change, so do places and the walk

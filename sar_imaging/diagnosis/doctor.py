@@ -12,10 +12,9 @@ from ..signal.background import subtract_background
 from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
 from .channel_phases import phase_findings
-from .diagnose import Diagnosis, diagnose
-from .jumps import jump_findings
+from .diagnose import BETTER, Diagnosis, diagnose
+from .hypotheses import distances, reach_advice
 from .lever_arm import LeverArm, course, find_lever_arm
-from .reach import distances, reach_advice
 from .signals import (
     CERTAIN,
     LIKELY,
@@ -27,11 +26,11 @@ from .signals import (
     slope_findings,
     timing_findings,
 )
+from .track import jump_findings
 
 _SEEN = 0.8  # of a scene, that profiles are to hold
 _SIDE = 32  # pixels along each side, and pulses, that tell it
 _CLOCK = 'clock offset'
-_ALIKE = 1.15  # times the gain: an arm and an offset of the clock are then both likely
 _CERTAIN = 10.0  # times the agreement: what is undone then is no lever arm
 _NOT_LOOKED_AT = 'without positions and a scene the image is not looked at'
 # Faults with which nothing can focus, nor profiles be trusted.
@@ -120,16 +119,27 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *, window: str = 'no
     off, diagnosis = _focused(clean, grid, window)
     jumped = jump_findings(clean)
     arm = None if jumped else _lever_arm(clean, grid, window, attitude, diagnosis)
-    found += off + jumped
-    if arm is not None:
-        frame = 'platform' if attitude is not None else 'track, x along it and z up'
-        alike = diagnosis.mistake == _CLOCK and arm.gain < _ALIKE * diagnosis.gain
-        found.append(arm.finding(alone=not alike, frame=frame))
-        # on gentle curves an arm along the track moves the antenna as a clock that is off does
-        found += [_mistake(diagnosis, ('lever arm',))] if alike else []
-    elif diagnosis.mistake and not jumped:
-        found.append(_mistake(diagnosis))
+    found += off + jumped + ([] if jumped else _explanations(
+        diagnosis, arm, 'platform' if attitude is not None else 'track, x along it and z up'))
     return Examination(tuple(found), diagnosis, _untold(diagnosis, bool(off or jumped or arm)))
+
+
+def _explanations(diagnosis: Diagnosis, arm: LeverArm | None, frame: str) -> list[Finding]:
+    """A mistake, a lever arm, or both where either explains the pulses.
+
+    On gentle curves an arm along the track moves the antenna as a clock that is off does, and on
+    an arc an arm through its middle makes up for conjugated samples.
+    """
+    if arm is None or not diagnosis.mistake:
+        return ([arm.finding(frame=frame)] if arm is not None else
+                [_mistake(diagnosis)] if diagnosis.mistake else [])
+    clock = diagnosis.mistake == _CLOCK
+    better = arm.gain > BETTER * diagnosis.gain
+    if better and (clock or arm.corrected.contrast > diagnosis.corrected):
+        return [arm.finding(frame=frame)]
+    # what was searched for among many values explains more by chance, but a ruler tells an arm
+    both = [_mistake(diagnosis, ('lever arm',)), arm.finding(alone=False, frame=frame)]
+    return both[::-1] if clock else both
 
 
 def _mistake(diagnosis: Diagnosis, others: tuple[str, ...] = ()) -> Finding:
@@ -175,9 +185,7 @@ def _lever_arm(block: PulseBlock, grid: MapGrid, window: str, attitude: Rotation
     if attitude is None or diagnosis.gain > _CERTAIN and not clock:
         return None
     arm = find_lever_arm(block, attitude, grid, window=window)
-    if arm is None or not arm.found:
-        return None
-    return arm if (_ALIKE if clock else 1.0) * arm.gain > diagnosis.gain else None
+    return arm if arm is not None and arm.found and BETTER * arm.gain > diagnosis.gain else None
 
 
 def _seen(block: PulseBlock, grid: MapGrid, start_m: float, stop_m: float) -> float:

@@ -1,4 +1,12 @@
-"""Frequent mistakes of users, as changes of a block that undo them."""
+"""Frequent mistakes of users, as changes of a block that undo them.
+
+Where only range profiles are at hand, raw samples need not be: with the spectrum P0 of a
+pulse centred on time zero, profiles of conjugated LFM pulses are those of the right ones,
+conjugated and filtered with ``P0 / conj(P0)``, and those compressed with the wrong sign of the
+slope are the right ones filtered with it. Profiles of phase histories are transforms: conjugated
+samples give ``conj(p(-u))`` at the delay u beyond the reference, reversed frequencies ``p(-u)``,
+each but for the residual video phase, ``exp(-j pi K u^2)`` of the ramp.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +15,26 @@ import itertools
 from collections.abc import Callable
 
 import numpy as np
+from scipy import fft
 
+from ..geometry.grids import MapGrid
 from ..signal import magnitudes
 from ..signal.pulses import PulseBlock
-from ..signal.radar import RadarParameters
-from .profile_changes import PHASE_HISTORIES, RAMPS, conjugations, reversed_slopes
+from ..signal.radar import RadarParameters, Waveform
+from ..signal.range_compression import GUARD_SAMPLES
+from ..signal.waveforms import lfm_spectrum
 
+REAL = (Waveform.FMCW_REAL, Waveform.PASSBAND)
+RAMPS = (Waveform.FMCW, Waveform.FMCW_REAL)
+PHASE_HISTORIES = (Waveform.STEPPED_FREQUENCY, *RAMPS)
 _FEWEST_PULSES = 16  # for offsets of the clock
 _LEAST_CELLS = 4.0  # that a wrong delay shifts profiles by
 _LEAST_EXTENT = 1.0  # wavelengths, of an aperture
 _FELT_RAD = 1.0  # rms phase that an offset may leave
 _LARGEST_DRIFT = 0.26  # of the rate of a clock
+_SLOPES = np.linspace(0.7, 1.45, 41)
 _FEWEST_RATES, _MOST_RATES = 12, 60  # on each side
+_MOST_NAMED = 3  # mistakes that would bring a grid into profiles
 _MOST_ORDERED = 4  # transmitters, of which all orders are tried
 
 
@@ -38,8 +54,6 @@ class Hypothesis:
         True when it leaves positions and ranges of the pulses alone.
     isometry : bool
         True when it mirrors the track: the mirrored scene is as much in focus.
-    shortens : bool
-        True when pulses are left out.
     sizes : tuple of float
         What was searched for, of mistakes that have a size.
     """
@@ -49,7 +63,6 @@ class Hypothesis:
     undo: Callable[[PulseBlock], list[PulseBlock]]
     of_samples: bool = False
     isometry: bool = False
-    shortens: bool = False
     sizes: tuple[float, ...] = ()
 
 
@@ -110,6 +123,90 @@ def _transmitters_ordered(block: PulseBlock) -> list[PulseBlock]:
                 :, np.concatenate([channels[t] for t in order])]
             out.append(dataclasses.replace(block, samples=samples))
     return out
+
+
+def conjugations(block: PulseBlock) -> list[PulseBlock]:
+    """Blocks as they are if samples came conjugated, or as Q, I instead of I, Q."""
+    radar = block.radar
+    plain = dataclasses.replace(block, samples=block.samples.conj())
+    if not block.compressed:
+        return [] if radar.waveform in REAL else [plain]
+    out = [plain]
+    if radar.waveform == Waveform.LFM and radar.chirp_rate_hz_per_s:
+        out.append(_dispersed(plain, -1))
+    elif radar.waveform in (Waveform.FMCW, Waveform.STEPPED_FREQUENCY):
+        out.append(_mirrored(block, -2 * radar.chirp_rate_hz_per_s))
+    return out
+
+
+def reversed_slopes(block: PulseBlock) -> list[PulseBlock]:
+    """Blocks as they are if the ramp falls where it is said to rise, or the other way round."""
+    radar = block.radar
+    if not radar.chirp_rate_hz_per_s or radar.waveform not in (Waveform.LFM, *RAMPS):
+        return []
+    out = [_with_slope_reversed(block, radar.carrier_hz)]
+    if radar.waveform in RAMPS:
+        # The middle of the ramp lies on the other side of its start, as far as that is known.
+        swept_hz = abs(radar.chirp_rate_hz_per_s) * radar.pulse_length_s
+        carrier_hz = radar.carrier_hz - np.sign(radar.chirp_rate_hz_per_s) * swept_hz
+        if carrier_hz > swept_hz:
+            out.append(_with_slope_reversed(block, carrier_hz))
+    return out
+
+
+def _with_slope_reversed(block: PulseBlock, carrier_hz: float) -> PulseBlock:
+    radar = dataclasses.replace(block.radar, carrier_hz=carrier_hz,
+                                chirp_rate_hz_per_s=-block.radar.chirp_rate_hz_per_s)
+    changed = dataclasses.replace(block, radar=radar)
+    if not block.compressed:
+        return changed
+    if radar.waveform == Waveform.LFM:
+        return _dispersed(changed, +1)
+    return _mirrored(dataclasses.replace(changed, samples=changed.samples.conj()), 0.0)
+
+
+def _dispersed(block: PulseBlock, sign: int) -> PulseBlock:
+    """Profiles of raw pulses that were compressed for the opposite slope.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        With the radar to compress for.
+    sign : int
+        +1 where `block.radar` already has the opposite slope, -1 where it keeps it.
+    """
+    radar = block.radar
+    frequency = fft.fftfreq(_padded(block.n_samples), 1 / radar.sample_rate_hz)
+    band = np.abs(frequency) <= radar.bandwidth_hz / 2
+    old = dataclasses.replace(radar, chirp_rate_hz_per_s=-sign * radar.chirp_rate_hz_per_s)
+    new = dataclasses.replace(radar, chirp_rate_hz_per_s=sign * radar.chirp_rate_hz_per_s)
+    gain = np.zeros(len(frequency), np.complex64)
+    gain[band] = lfm_spectrum(frequency[band], old) / lfm_spectrum(frequency[band], new)
+    spectra = fft.fft(block.samples, len(frequency)) * gain
+    return dataclasses.replace(block, samples=fft.ifft(spectra)[..., :block.n_samples])
+
+
+def _padded(n: int) -> int:
+    return fft.next_fast_len(2 * n)
+
+
+def _mirrored(block: PulseBlock, slope: float) -> PulseBlock:
+    """Profiles of one period whose delays count the other way, times ``exp(j pi slope u^2)``.
+
+    Profiles that were cut to a range window lack the other side; nothing focuses then.
+    """
+    n, rate_hz = block.n_samples, block.radar.sample_rate_hz
+    # Profiles of a near scene begin at delay 0, others half a period before the reference.
+    near = round(block.radar.first_sample_delay_s * rate_hz) >= -GUARD_SAMPLES - 1 and \
+        block.radar.first_sample_delay_s <= 0
+    period = max(n - 2 * GUARD_SAMPLES - int(near), 1)
+    reference = GUARD_SAMPLES + (0 if near else period // 2)
+    index = np.arange(n)
+    source = GUARD_SAMPLES + (2 * reference - index - GUARD_SAMPLES) % period
+    cycles = 0.5 * slope * ((index - reference) / rate_hz) ** 2
+    turn = np.exp(2j * np.pi * np.remainder(cycles, 1.0)).astype(np.complex64)
+    return dataclasses.replace(
+        block, samples=block.samples[..., np.minimum(source, n - 1)].conj() * turn)
 
 
 GEOMETRY = (
@@ -210,14 +307,41 @@ def clock_rates(block: PulseBlock, towards_m, *, felt_rad: float = _FELT_RAD) ->
     Returns
     -------
     (K,) float64
-        Around 1, ascending; empty where the times do not tell any.
+        Around 1, ascending; empty where no rate changes the focus.
     """
     if block.n_pulses < _FEWEST_PULSES or np.any(np.diff(block.stamp_ns) <= 0):
         return np.empty(0)
     little = _LARGEST_DRIFT / 8
     left = _left_rad(block, with_offset(block, 0.0, 1 - little), towards_m)
-    n = int(np.clip(_LARGEST_DRIFT / little * left / felt_rad, _FEWEST_RATES, _MOST_RATES))
+    left *= _LARGEST_DRIFT / little
+    if left < 0.5 * _FELT_RAD:
+        return np.empty(0)
+    n = int(np.clip(left / felt_rad, _FEWEST_RATES, _MOST_RATES))
     return 1 + _LARGEST_DRIFT / n * np.arange(-n, n + 1)
+
+
+def slopes(block: PulseBlock, towards_m) -> np.ndarray:
+    """Factors of the slope of a ramp worth trying.
+
+    Another slope scales ranges. Of a short aperture the scaled scene is as much in focus.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        With positions.
+    towards_m : (K, 3) float64
+        Places that are to focus, metres.
+
+    Returns
+    -------
+    (K,) float64
+        Ascending; empty where no slope changes the focus.
+    """
+    centres = block.phase_centre_m
+    middle = centres.mean(axis=0)
+    left = max(_besides_line_rad(block, _half_paths(centres, middle + factor * (
+        towards_m - middle)) - _half_paths(centres, towards_m)) for factor in _SLOPES[[0, -1]])
+    return _SLOPES if left > 0.5 * _FELT_RAD else np.empty(0)
 
 
 def _left_rad(block: PulseBlock, moved: PulseBlock, towards_m) -> float:
@@ -225,11 +349,20 @@ def _left_rad(block: PulseBlock, moved: PulseBlock, towards_m) -> float:
     if moved.n_pulses < _FEWEST_PULSES // 2:
         return 0.0
     inside = np.isin(block.counter, moved.counter)
-    change = (np.linalg.norm(moved.phase_centre_m[:, None] - towards_m, axis=-1)
-              - np.linalg.norm(block.phase_centre_m[inside][:, None] - towards_m, axis=-1))
-    u = np.linspace(-1.0, 1.0, len(change))
-    line = np.polynomial.polynomial.polyfit(u, change, 1)
-    rest = change - np.polynomial.polynomial.polyval(u, line).T
+    return _besides_line_rad(block, _half_paths(moved.phase_centre_m, towards_m)
+                             - _half_paths(block.phase_centre_m[inside], towards_m))
+
+
+def _half_paths(centres_m: np.ndarray, towards_m) -> np.ndarray:
+    """(P, K) distances of places (K, 3) from phase centres (P, 3), metres."""
+    return np.linalg.norm(centres_m[:, None] - towards_m, axis=-1)
+
+
+def _besides_line_rad(block: PulseBlock, change_m: np.ndarray) -> float:
+    """Largest rms phase that a change of half paths (P, K) leaves besides a line, radians."""
+    u = np.linspace(-1.0, 1.0, len(change_m))
+    line = np.polynomial.polynomial.polyfit(u, change_m, 1)
+    rest = change_m - np.polynomial.polynomial.polyval(u, line).T
     return float(rest.std(axis=0).max()) * block.radar.wavenumber_rad_per_m
 
 
@@ -258,7 +391,7 @@ def clock_offset(offset_s: float) -> Hypothesis:
         'apart: a pulse stamped t was sent where the platform is said to be at t '
         f'{sign} {abs(offset_s):.2g} s; add {offset_s:+.2g} to pose.time_offset_s of the node, or '
         'to alignment.time_offset_s of `sar-imaging load`, or correct the stamps',
-        lambda b: [with_offset(b, offset_s)], shortens=True, sizes=(offset_s,))
+        lambda b: [with_offset(b, offset_s)], sizes=(offset_s,))
 
 
 def clock_drift(rate: float) -> Hypothesis:
@@ -321,3 +454,49 @@ def _at(time_s, values, wanted_s) -> np.ndarray:
     flat = values.reshape(len(values), -1)
     out = np.stack([np.interp(wanted_s, time_s, column) for column in flat.T], axis=-1)
     return out.reshape(len(wanted_s), *values.shape[1:])
+
+
+def distances(block: PulseBlock, grid: MapGrid) -> tuple[float, float]:
+    """Least and largest half path between the pulses and the corners and middle of the grid."""
+    x, y = grid.x_m[[0, -1]], grid.y_m[[0, -1]]
+    points = np.array([*((a, b, grid.z_m) for a in x for b in y), grid.centre_m])
+    half_path = sum(np.linalg.norm(points[:, None, None] - c, axis=-1)
+                    for c in (block.tx_m, block.rx_m)) / 2
+    return float(half_path.min()), float(half_path.max())
+
+
+def reach_advice(block: PulseBlock, grid: MapGrid) -> str:
+    """What would bring the grid into the profiles of a block.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        Range profiles with phase centres.
+    grid : MapGrid
+        Where they are to be imaged.
+
+    Returns
+    -------
+    str
+        The mistakes that would explain it, likeliest first; empty where none does, or where the
+        profiles reach the grid.
+    """
+    def within(candidate: PulseBlock) -> bool:
+        near, far = distances(candidate, grid)
+        start, stop = _profile(candidate)
+        # Positions that shrink to a point explain nothing.
+        moves = np.ptp(candidate.phase_centre_m, axis=0).max()
+        return (start <= near and far <= stop
+                and (block.n_pulses < 2 or moves > 0.1 * candidate.radar.wavelength_m))
+
+    near, far = distances(block, grid)
+    start, stop = _profile(block)
+    if near < stop and far > start:
+        return ''
+    found = [h.advice for h in GEOMETRY if any(map(within, h.undo(block)))]
+    return '; or '.join(found[:_MOST_NAMED])
+
+
+def _profile(block: PulseBlock) -> tuple[float, float]:
+    start = block.radar.range_start_m
+    return start, start + block.n_samples * block.radar.sample_spacing_m

@@ -31,8 +31,8 @@ from .coherence import (
     resolved,
 )
 from .diagnose import BETTER, FINE_BUDGET, LEAST, TILE, least_contrast, one_channel
-from .jumps import jumps
 from .signals import LIKELY, ONE_OF_SEVERAL, Finding
+from .track import jumps
 
 _FEWEST_PULSES = 32
 _LONGEST_M = 1.0
@@ -94,8 +94,8 @@ class LeverArm:
         """What is said of it, `alone` unless another mistake explains the pulses as well."""
         told = ', '.join(f'{value:+.2f}' for value in self.arm_m)
         first = '' if alone else (
-            'this arm or an offset of the clock: either explains the blur on this track, so '
-            'correct only one, and begin with the arm, which a ruler tells; ')
+            'this arm or what else is named: either explains the blur on this track, so correct '
+            'only one, and begin with the arm, which a ruler tells; ')
         directions = ('its direction is told whole' if self.n_directions == 3 else
                       'turns tell ' + ('one direction' if self.n_directions == 1 else
                                        'two directions') + ' of it and not the rest')

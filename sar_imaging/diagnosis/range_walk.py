@@ -115,9 +115,9 @@ def _scatterers(profiles: PulseBlock, grid: MapGrid) -> np.ndarray:
     if not len(bright):
         return np.empty((0, 3))
     apart = _APART * max(profiles.radar.range_resolution_m, grid.spacing_m)
-    near = cKDTree(points[bright]).query_ball_point(points[bright], apart)
-    peaks = [k for k, others in enumerate(near) if min(others) == k]
-    return points[bright[peaks[:_MOST_SCATTERERS]]]
+    pairs = cKDTree(points[bright]).query_pairs(apart, output_type='ndarray')
+    peaks = np.delete(bright, np.unique(pairs[:, 1]))  # the second is the fainter of each
+    return points[peaks[:_MOST_SCATTERERS]]
 
 
 def _half_bands(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -16,9 +16,9 @@ from sar_imaging.diagnosis.coherence import OVERSAMPLING, CoherenceProbe
 from sar_imaging.diagnosis.diagnose import diagnose
 from sar_imaging.diagnosis.doctor import examine
 from sar_imaging.diagnosis.hypotheses import GEOMETRY, HYPOTHESES, clock_offsets, with_slope
-from sar_imaging.diagnosis.jumps import jump_findings
 from sar_imaging.diagnosis.lever_arm import find_lever_arm
 from sar_imaging.diagnosis.range_walk import walk_scale
+from sar_imaging.diagnosis.track import jump_findings
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.pulses import PulseBlock

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from sar_imaging.diagnosis.reach import reach_advice
+from sar_imaging.diagnosis.hypotheses import reach_advice
 from sar_imaging.diagnosis.track import track_doubts
 
 

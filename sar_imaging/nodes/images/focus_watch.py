@@ -9,7 +9,7 @@ import numpy as np
 
 from sar_imaging.diagnosis import Diagnosis, diagnose
 from sar_imaging.diagnosis.coherence import compile_kernels
-from sar_imaging.diagnosis.reach import reach_advice
+from sar_imaging.diagnosis.hypotheses import reach_advice
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.quality.measures import FocusFigure, focus_figure
 from sar_imaging.signal.pulses import PulseBlock, concatenate

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from sar_imaging.diagnosis.reach import distances, reach_advice
+from sar_imaging.diagnosis.hypotheses import distances, reach_advice
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination
 from sar_imaging.loading import Loaded

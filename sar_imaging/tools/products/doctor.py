@@ -174,8 +174,9 @@ def describe(block: PulseBlock, findings: Sequence[Finding], examination: Examin
         lines.append('without a scene the image is not looked at: give --centre X Y Z and --size')
     lines += [f'- {finding}' for finding in findings]
     if examination.diagnosis is not None and examination.diagnosis.undecided:
-        lines.append('no image of this track tells: '
-                     f'{", ".join(examination.diagnosis.undecided)} (it mirrors the scene)')
+        lines.append('no image of this aperture tells: '
+                     f'{", ".join(examination.diagnosis.undecided)} (with it the scene is '
+                     'mirrored, moved or scaled, and as much in focus)')
     if not findings:
         lines.append('nothing wrong was found' if not examination.untold else
                      f'this recording cannot tell: {"; ".join(examination.untold)}')

@@ -11,8 +11,12 @@ from benchmarks.support.doctor_cases import right_case
 from benchmarks.support.doctor_faults import FAULTS, OF_IMAGES, NotApplicable
 from sar_imaging.diagnosis.channel_phases import channel_phases
 from sar_imaging.diagnosis.doctor import examine
-from sar_imaging.diagnosis.signals import sample_findings, timing_findings
-from sar_imaging.diagnosis.signals.samples import clipped_share, image_amplitude
+from sar_imaging.diagnosis.signals import (
+    clipped_share,
+    image_amplitude,
+    sample_findings,
+    timing_findings,
+)
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters, Waveform
 

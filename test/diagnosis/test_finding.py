@@ -1,6 +1,6 @@
 """What a finding says."""
 
-from sar_imaging.diagnosis.signals.finding import Finding
+from sar_imaging.diagnosis.signals import Finding
 
 
 def test_what_it_was_compared_with_is_said_where_there_was_something():
