@@ -60,6 +60,11 @@ class Coherence:
     coverage: float
 
     @property
+    def figure(self) -> float:
+        """Contrast; 1 at most where groups agree no more than those of noise, whatever it is."""
+        return self.contrast if self.agreement > NOISE else min(self.contrast, 1.0)
+
+    @property
     def agreement(self) -> float:
         """Mean square of q: how many groups agree where they do, 2 in noise."""
         return self.mean**2 * (1 + self.contrast**2)

@@ -212,7 +212,7 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none', thorough
     _logger.debug('as is: %s', first)
     if block.n_pulses * block.n_channels < FEWEST_PULSES:
         return _as_it_is(first, f'{block.n_pulses} pulses are too few to judge the focus')
-    if not thorough and first.contrast >= FOCUSED:
+    if not thorough and first.figure >= FOCUSED:
         return _as_it_is(first)
     doubts = track_doubts(block)
     tried = list(attempts.hypotheses())
@@ -323,7 +323,7 @@ def _as_sharp(tried: _Tried) -> bool:
 
 def _as_it_is(first: Coherence, advice: str = '') -> Diagnosis:
     """No mistake is named."""
-    return Diagnosis(first.contrast, first.coverage, corrected=first.contrast, advice=advice)
+    return Diagnosis(first.figure, first.coverage, corrected=first.figure, advice=advice)
 
 
 def _explained(first: Coherence, found: _Tried, tried: list[_Tried]) -> Diagnosis:
@@ -334,7 +334,7 @@ def _explained(first: Coherence, found: _Tried, tried: list[_Tried]) -> Diagnosi
               and t.result.contrast * _LIKELIER > found.result.contrast}
     halves = ', '.join(f'{gain:.3g}' for gain in found.halves())
     return Diagnosis(
-        first.contrast, first.coverage, found.mistake.name, found.mistake.advice,
+        first.figure, first.coverage, found.mistake.name, found.mistake.advice,
         found.result.contrast, evidence=(
             f'without it the focus figure {found.before.contrast:.2f} becomes '
             f'{found.result.contrast:.2f}, and pulses agree {found.gain:.3g} times as well '
@@ -345,10 +345,10 @@ def _explained(first: Coherence, found: _Tried, tried: list[_Tried]) -> Diagnosi
 
 def _unexplained(block: PulseBlock, first: Coherence, doubts: tuple[str, ...]) -> Diagnosis:
     """No mistake focuses the image better; what is odd about the track is told."""
-    if doubts and (first.contrast < FOCUSED or at_rest(block)):
-        return Diagnosis(first.contrast, first.coverage, 'odd positions', '; '.join(doubts),
-                         first.contrast, 'the track is like that of no platform')
-    return _as_it_is(first, '' if first.contrast >= NOTHING else _nothing_helps(first))
+    if doubts and (first.figure < FOCUSED or at_rest(block)):
+        return Diagnosis(first.figure, first.coverage, 'odd positions', '; '.join(doubts),
+                         first.figure, 'the track is like that of no platform')
+    return _as_it_is(first, '' if first.figure >= NOTHING else _nothing_helps(first))
 
 
 def _nothing_helps(first: Coherence) -> str:

@@ -8,14 +8,21 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.support.doctor_cases import right_case
+from benchmarks.support.doctor_cases import right_case, rotating_arm
+from benchmarks.support.doctor_families import family_case
 from benchmarks.support.doctor_faults import FAULTS
 from benchmarks.support.mistake_recordings import DATA, arcsar, mimo
 from sar_imaging.diagnosis.channel_phases import array_phases, channel_phases, phase_findings
 from sar_imaging.diagnosis.coherence import OVERSAMPLING, CoherenceProbe
 from sar_imaging.diagnosis.diagnose import diagnose
 from sar_imaging.diagnosis.doctor import examine
-from sar_imaging.diagnosis.hypotheses import GEOMETRY, HYPOTHESES, clock_offsets, with_slope
+from sar_imaging.diagnosis.hypotheses import (
+    GEOMETRY,
+    HYPOTHESES,
+    clock_offsets,
+    slopes,
+    with_slope,
+)
 from sar_imaging.diagnosis.lever_arm import find_lever_arm
 from sar_imaging.diagnosis.range_walk import walk_scale
 from sar_imaging.diagnosis.track import jump_findings
@@ -84,6 +91,26 @@ def test_inverted_spectrum_is_named_where_the_image_hardly_tells(seed):
     wrong = FAULTS['spectrum inverted'][0](case, np.random.default_rng(seed))
     found = diagnose(wrong.block, wrong.grid, thorough=True)
     assert found.mistake == 'sign of the slope'
+
+
+def test_slope_is_not_sought_where_another_one_scales_the_scene_alone():
+    """A track of 0.05 m sees 2 m under 1.4 degrees: curvature tells no range."""
+    places = np.array([[0.0, 2.0, 0.0], [0.5, 1.5, 0.0]])
+    track = np.linspace(-0.5, 0.5, 48)[:, None, None] * [1.0, 0.0, 0.0]
+    assert len(slopes(recorded(0.4 * track), places))
+    short = recorded(0.03 * track)
+    assert not len(slopes(short, places))
+    found = diagnose(short, GRID, thorough=True)
+    assert not found.mistake and 'wrong slope' in found.undecided
+
+
+def test_channels_above_each_other_do_not_hide_the_focus():
+    """They agree over the whole map, and pulses of a right recording were told to be noise."""
+    case = family_case('mimo', 92000)
+    profiles = RangeCompressor.for_block(case.block, oversampling=OVERSAMPLING)(case.block)
+    conjugated = dataclasses.replace(profiles, samples=profiles.samples.conj())
+    probe = CoherenceProbe(case.grid)
+    assert probe(profiles).figure > 1.5 > 1.1 > probe(conjugated).figure
 
 
 def test_no_clock_offset_is_sought_on_an_arc_at_constant_speed():
@@ -247,6 +274,16 @@ def test_faults_that_leave_the_arc_in_focus_are_named(exchanged):
         block = with_slope(arm.block, 1.2)
     found = [finding.fault for finding in examine(block, arm.grid, window=arm.window).findings]
     assert found == ['x and y exchanged' if exchanged else 'wrong slope']
+
+
+@measured
+def test_conjugated_arc_is_told_before_an_arm_that_makes_up_for_it():
+    """An antenna on the other side of the pivot has the conjugated phases, and other ranges."""
+    arm = arcsar()
+    wrong = dataclasses.replace(arm.block, samples=arm.block.samples.conj())
+    found = examine(wrong, arm.grid, window=arm.window,
+                    attitude=rotating_arm(arm.block)).findings
+    assert found[0].fault == 'samples conjugated'
 
 
 @measured
