@@ -26,7 +26,7 @@ OVERSAMPLING = 4.0  # of the profiles: linear interpolation is then good to -30 
 _GROUPS = 64
 # Of an aperture, however many channels: where channels agree over the whole map, as those above
 # each other do, n parts reach a contrast of (n - 1) / (2 sqrt(n)) at the most.
-_FEWEST_PARTS = 16
+_FEWEST_PARTS = 32
 _MOST_ROWS = 1024
 _STEPS = 4096  # of a cycle; good to -60 dB
 _TURNS = tuple(f(2 * np.pi * np.arange(_STEPS) / _STEPS).astype(np.float32)
@@ -76,8 +76,8 @@ class Coherence:
 
 
 def gain_of(changed: Coherence, as_it_is: Coherence) -> float:
-    """Agreement of pulses after a change over that before, of noise at the least."""
-    return changed.agreement / max(as_it_is.agreement, NOISE)
+    """How much more stands out after a change than before, and than in noise at the least."""
+    return changed.spread / max(as_it_is.spread, 1.0)
 
 
 class CoherenceProbe:

@@ -288,8 +288,6 @@ def _best(tried: Iterable[_Tried]) -> _Tried | None:
     """The mistake without which pulses agree clearly better than as they are."""
     helping = [t for t in tried if t.helps and not t.mirrors]
     # short arrays agree over wide parts of a scene that is not in focus
-    most = max((t.gain for t in helping), default=0.0)
-    helping = [t for t in helping if t.gain * _PLAINLY >= most]
     sharpest = max((t.result.contrast for t in helping), default=0.0)
     helping = [t for t in helping if t.result.contrast > _DARKER * sharpest]
     while helping:
@@ -410,7 +408,8 @@ class _Attempts:
                 except ValueError:
                     continue  # impossible as well
                 result = screen(ready)
-                if result.contrast > _WORTH * LEAST:
+                if (result.contrast > _WORTH * LEAST
+                        or result.agreement > _ABOVE_NOISE * NOISE):
                     result = self._probe(ready)
                 yield self._tried(hypothesis, ready, result)
 
