@@ -16,10 +16,10 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import fft
 
+from ..signal.background import subtract_background
 from ..signal.pulses import PulseBlock
 from ..signal.radar import Waveform
 from ..signal.range_compression import RangeCompressor
-from ..signal.background import subtract_background
 from .hypotheses import with_slope, wrong_slope
 
 __all__ = ['CERTAIN', 'LIKELY', 'ONE_OF_SEVERAL', 'Finding', 'channel_findings',
