@@ -88,7 +88,8 @@ def test_few_pulses_wait_for_more_and_errors_end_nothing(examined):
     aperture(watch, 1, n_pulses=16)
     assert len(examined.pulses) == 1
     assert told.warnings == ['aperture 1 could not be examined: no scatterer']
-    assert not told.figures
+    # seconds alone: they were NaN meanwhile, and evaluate waits for that to end
+    assert set(told.figures) == {'diagnosis_seconds'} and told.figures['diagnosis_seconds'] >= 0.0
 
 
 def test_where_the_diagnosis_would_be_wrong_nothing_is_looked_at(examined):
