@@ -186,10 +186,11 @@ def campaign(reader: Reader, most: int, seed: int) -> dict:
         _forked(lambda: reader.make(valid))
         content = (valid / reader.file).read_bytes()
         kinds = kinds_of(reader, content, range(100 * seed, 100 * seed + 10))
-        drawn = random.Random(seed).sample(range(len(kinds)), min(most, len(kinds)))
+        known = len(kinds)
+        drawn = random.Random(seed).sample(range(known), min(most, known))
         kinds = [kinds[i] for i in sorted(drawn)]
-        found: dict = {'kinds': len(kinds), 'runs': 0, 'read': 0, 'refused': 0, 'longest_s': 0.0,
-                       'faults': []}
+        found: dict = {'known': known, 'kinds': len(kinds), 'runs': 0, 'read': 0, 'refused': 0,
+                       'longest_s': 0.0, 'faults': []}
         endings: collections.Counter[str] = collections.Counter()
         for told, damage in [('valid', None), *kinds]:
             shutil.rmtree(work, ignore_errors=True)
@@ -258,7 +259,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     for reader in chosen:
         found = campaign(reader, arguments.most, arguments.seed)
         results['readers'][reader.name] = found
-        print(f'{reader.name:22} {found["kinds"]:5} kinds {found["runs"]:5} runs, '
+        print(f'{reader.name:22} {found["kinds"]:5} of {found["known"]:5} kinds '
+              f'{found["runs"]:5} runs, '
               f'{found["read"]:5} read, {found["refused"]:5} refused, at most '
               f'{found["longest_s"]:5.2f} s, {len(found["faults"])} faults', flush=True)
         for told, words, wrong, text in found['faults']:

@@ -166,7 +166,7 @@ PLACES: dict[str, tuple[Callable[[Sandbox], object], bool | None]] = {
     'old files that may not be written': (
         lambda s: s.at_each(lambda t: (_old(t), t.chmod(0o444 if t.is_file() else 0o555))), False),
     'links to an input': (lambda s: s.at_each(lambda t: t.symlink_to(s.source())), True),
-    'links by another path': (lambda s: s.at_each(lambda t: t.symlink_to(
+    'links to an input by another path': (lambda s: s.at_each(lambda t: t.symlink_to(
         s.out / '..' / 'out' / '..' / s.source().relative_to(s.out.parent))), True),
     'hard links of an input': (lambda s: s.at_each(lambda t: t.hardlink_to(s.source())), True),
     'links to links to an input': (lambda s: s.at_each(lambda t: (

@@ -228,8 +228,15 @@ def _beside(folder: Path, target: Path) -> Iterator[Path]:
     """New folder that goes again; errors of files in it name what was to be made."""
     beside = str(folder / NEW)
     try:
-        with tempfile.TemporaryDirectory(prefix=NEW, dir=folder) as name:
-            yield Path(name)
+        made = tempfile.TemporaryDirectory(prefix=NEW, dir=folder)
+        try:
+            yield Path(made.name)
+        finally:
+            try:
+                made.cleanup()
+            except KeyboardInterrupt:  # while it removed them
+                made.cleanup()
+                raise
     except OSError as error:
         there = str(error.filename or '')
         if error.errno is None and beside not in str(error) or there and beside not in there:

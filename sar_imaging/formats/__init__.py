@@ -12,12 +12,11 @@ The libraries that read and write them are an extra, ``pip install sar_imaging[f
 load when a file is written or read, not before, and nothing else in the package needs them.
 """
 
-from .acquisition import Acquisition
+from .acquisition import Acquisition, ImageProduct
 from .extras import MissingExtraError, require
 from .geotiff import read_geotiff, write_geotiff
 from .ply import write_ply
 from .points import write_points
-from .product import ImageProduct
 from .quicklook import write_quicklook
 from .sicd import read_sicd, sicd_grid, write_sicd
 from .stac import write_stac_item

@@ -12,11 +12,10 @@ from ..geometry.earth import Datum
 from ..geometry.grids import PointGrid
 from ..imaging.image import Image
 from ..numpy_files import check_memory
-from .acquisition import Acquisition
+from .acquisition import Acquisition, ImageProduct
 from .decibels import decibels, grey_levels, limits_db
 from .extras import require
 from .georeference import TOLERANCE_M, Georeference, georeference, named_crs, utm_crs
-from .product import ImageProduct
 from .raster import write_cog
 from .resampling import MapPixels, covering_pixels, resample
 from .tags import image_from_text, image_to_text, quantity_of, told_of

@@ -14,9 +14,8 @@ from ...geometry.grids import PlaneGrid
 from ...imaging.image import Image, Report
 from ...imaging.radiometry import Radiometry
 from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
-from ..acquisition import UNKNOWN, Acquisition
+from ..acquisition import UNKNOWN, Acquisition, ImageProduct
 from ..extras import require
-from ..product import ImageProduct
 from .container import SicdContainer
 from .fields import Fields
 from .layout import turned

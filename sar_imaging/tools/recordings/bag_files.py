@@ -244,6 +244,8 @@ def _check_ros1(path: Path, n_bytes: int, _: int) -> None:
         while place < n_bytes:
             header, start = _ros1_part(path, file, place, n_bytes)
             fields = _fields(file.read(header))
+            if b'op' not in fields:
+                raise ValueError(f'{path} is damaged at byte {place}: a record that is of no kind')
             size, first = _ros1_part(path, file, start + header, n_bytes)
             compression = fields.get(b'compression', b'none')
             if fields.get(b'op') == b'\5' and compression != b'none':

@@ -127,15 +127,13 @@ def _of_catalogue(path: Path) -> Iterator[Path]:
         entry = pystac.read_file(str(path), stac_io=Local())
         items = [entry] if isinstance(entry, pystac.Item) else list(
             entry.get_items(recursive=True))
-        assets = [(item.id, asset.get_absolute_href(), asset) for item in items
-                  for asset in item.assets.values()]
+        assets = [(item.id, href) for item in items for asset in item.assets.values()
+                  if _is_of_pulses(href := asset.get_absolute_href(), asset)]
     except Exception as error:  # pystac has several, and those of JSON and of files besides
         raise JobError(f'recordings: {path} is no STAC catalogue that can be read '
                        f'({told(error)}); expected a catalogue, collection or item whose links '
                        'lead to files; correct it, or name folders') from error
-    for item, href, asset in assets:
-        if not _is_of_pulses(href, asset):
-            continue
+    for item, href in assets:
         if '://' in href:
             raise JobError(f'recordings: item {item} of {path} lies at {href}; expected files on '
                            'a disk; download them, or mount where they lie')

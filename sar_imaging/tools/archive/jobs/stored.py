@@ -9,7 +9,7 @@ import shutil
 from pathlib import Path
 
 import sar_imaging
-from sar_imaging.files import NEW, replacing, told
+from sar_imaging.files import NEW, naming, replacing, told
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.imaging.radiometry import Radiometry
 from sar_imaging.signal.radar import RadarParameters, Waveform
@@ -102,13 +102,18 @@ def load_scan(output: Path, recording: str) -> RecordingScan:
 
     Raises
     ------
-    FileNotFoundError
-        It was not scanned.
+    JobError
+        It was not scanned, or what is stored is damaged.
     """
-    told = json.loads((Path(output) / scan_file(recording)).read_text())
-    losses = (Loss(loss['name'], loss['path'] and Path(loss['path']), loss['reason'])
-              for loss in told['losses'])
-    return RecordingScan(told['name'], tuple(map(_aperture, told['apertures'])), tuple(losses))
+    path = Path(output) / scan_file(recording)
+    with naming(path, 'is no scan of a recording; remove it, and the next run makes it', JobError):
+        if not path.is_file():
+            raise ValueError('there is no such file')
+        told = json.loads(path.read_text())
+        losses = (Loss(loss['name'], loss['path'] and Path(loss['path']), loss['reason'])
+                  for loss in told['losses'])
+        return RecordingScan(told['name'], tuple(map(_aperture, told['apertures'])),
+                             tuple(losses))
 
 
 def load_scans(output: Path) -> list[RecordingScan]:
