@@ -126,7 +126,7 @@ def _check_mcap(path: Path, n_bytes: int, _: int) -> None:
                 checksum, stop = int.from_bytes(file.read(4), 'little'), start - _RECORD.size
             elif kind == _FOOTER_KIND and size >= _FOOTER.size:
                 begin, _, checksum = _FOOTER.unpack(file.read(_FOOTER.size))
-                stop = start + 16
+                begin, stop = begin or start - _RECORD.size, start + 16
             if checksum and checksum != _checksum(file, begin, stop):
                 raise ValueError(f'{path} is damaged between the bytes {begin} and {stop}: they '
                                  'have another checksum')
