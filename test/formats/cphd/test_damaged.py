@@ -104,6 +104,7 @@ def test_sizes_beyond_the_file(tmp_path, traced):
     source = traced.files[0]
     for old, new in ((b'NumVectors>20<', b'NumVectors>20000000000<'),
                      (b'NumSamples>256<', b'NumSamples>99999999999<'),
+                     (b'NumSamples>256<', b'NumSamples>900<'),  # beyond the block by little
                      (b'NumBytesPVP>', b'NumBytesPVP>80000000000'),
                      (b'SIGNAL_BLOCK_SIZE := ', b'SIGNAL_BLOCK_SIZE := 99999999'),
                      (b'XML_BLOCK_SIZE := ', b'XML_BLOCK_SIZE := 9999999')):

@@ -199,6 +199,12 @@ def test_pieces_need_what_comes_before_them_and_exist():
     assert max(len(pickle.dumps(piece)) for piece in plan.pieces) < 8000
 
 
+def test_images_and_their_sums_write_eight_bytes_a_pixel():
+    plan = _divide(JOB, [_scan('one', Window(0, 60, 0, 100), pulses=((0, 50), (50, 100)))])
+    written = [p.writes_bytes for p in plan.pieces if isinstance(p, ImagePiece | SumPiece)]
+    assert written == [8 * 60 * 100] * 3
+
+
 def test_tiles_of_the_mosaic_need_the_images_that_have_pixels_there():
     halves = (Window(0, 64, 0, 128), Window(64, 128, 0, 128))
     scans = [_scan('one', Window(0, 128, 0, 128), windows=halves),

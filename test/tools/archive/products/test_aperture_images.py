@@ -10,9 +10,12 @@ import pytest
 
 from sar_imaging.imaging.correlation import correlate_profiles
 from sar_imaging.tools.archive.jobs import ArchiveDataError, ImagePiece, SumPiece, Window
+from sar_imaging.tools.archive.products import pulses
 from sar_imaging.tools.archive.products.aperture_images import StoredImage, _energy
+from sar_imaging.tools.archive.products.pulses import AperturePulses
 from sar_imaging.tools.archive.products.storage import IMAGES, PARTIALS, image_array
 from sar_imaging.tools.archive.products.surface import window_grid
+from sar_imaging.tools.recordings.bag_io import serialise
 
 
 def stored(archive, scan):
@@ -58,9 +61,20 @@ def test_every_division_gives_the_image(two_strips, way):
     assert not list((two_strips.output / PARTIALS).glob('*/part*'))
 
 
-
 def test_energy_is_that_of_pixels_with_a_value():
     assert _energy(np.array([[3.0 + 4.0j, 0.0], [1.0j, 0.0]], np.complex64)) == (26.0, 2)
+
+
+def test_messages_of_no_use_leave_the_others(two_strips, monkeypatch):
+    """Damaged bytes and pulses of another length between those of the aperture."""
+    scan = two_strips.scans[0]
+    block = next(AperturePulses(scan, two_strips.output).profiles(1e9))
+    other = dataclasses.replace(block, samples=block.samples[..., :-1])
+    useless = [(0, b'damaged'), (0, serialise(other))]
+    plain = pulses.raw_messages
+    monkeypatch.setattr(pulses, 'raw_messages', lambda *given: [*useless, *plain(*given)])
+    found = AperturePulses(scan, two_strips.output).profiles(1e9)
+    assert sum(block.n_pulses for block in found) == scan.n_pulses
 
 
 def test_the_error_told_is_that_of_the_pixels_compared(two_strips):
