@@ -136,3 +136,8 @@ def test_rates_are_those_since_the_last_look(clock):
     rates.add(5, 1_000_000)
     clock.now_s += 0.5
     assert list(rates.take().values()) == [10.0, 2.0]
+
+
+def test_what_may_pass_by_itself_is_no_severe_cause():
+    assert [cause.name for cause in Cause if not cause.severe] == [
+        'COMPILING', 'PLANNING', 'BEHIND', 'NO_SUBSCRIBER']
