@@ -10,9 +10,12 @@ import pytest
 
 from sar_imaging.imaging.correlation import correlate_profiles
 from sar_imaging.tools.archive.jobs import ArchiveDataError, ImagePiece, SumPiece, Window
-from sar_imaging.tools.archive.products import pulses
-from sar_imaging.tools.archive.products.aperture_images import StoredImage, _energy
-from sar_imaging.tools.archive.products.pulses import AperturePulses
+from sar_imaging.tools.archive.products import aperture_images
+from sar_imaging.tools.archive.products.aperture_images import (
+    AperturePulses,
+    StoredImage,
+    _energy,
+)
 from sar_imaging.tools.archive.products.storage import IMAGES, PARTIALS, image_array
 from sar_imaging.tools.archive.products.surface import window_grid
 from sar_imaging.tools.recordings.bag_io import serialise
@@ -71,8 +74,8 @@ def test_messages_of_no_use_leave_the_others(two_strips, monkeypatch):
     block = next(AperturePulses(scan, two_strips.output).profiles(1e9))
     other = dataclasses.replace(block, samples=block.samples[..., :-1])
     useless = [(0, b'damaged'), (0, serialise(other))]
-    plain = pulses.raw_messages
-    monkeypatch.setattr(pulses, 'raw_messages', lambda *given: [*useless, *plain(*given)])
+    plain = aperture_images.raw_messages
+    monkeypatch.setattr(aperture_images, 'raw_messages', lambda *given: [*useless, *plain(*given)])
     found = AperturePulses(scan, two_strips.output).profiles(1e9)
     assert sum(block.n_pulses for block in found) == scan.n_pulses
 
