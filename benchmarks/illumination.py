@@ -77,8 +77,8 @@ def speed() -> list[dict]:
             bare = plan_image(grid, block.radar, block.n_samples, **args)
             seconds, without, ratio = _paired(lit, bare, block)
             plan = lit.report.plan
-            way = getattr(plan, 'way', None)
-            share = way.lit.share if way else len(
+            route = getattr(plan, 'route', None)
+            share = route.lit.share if route else len(
                 plan.subapertures.lit.seen) / plan.subapertures.n_subapertures
             found.append({'case': name, 'width_rad': width, 'lit_share': share,
                           'seconds': seconds, 'seconds_without': without, 'ratio': ratio,

@@ -113,7 +113,7 @@ def against_correlation_db(image, grid, block):
 @pytest.mark.parametrize('target_db', [-50.0, -80.0])
 @pytest.mark.parametrize('name', SCENES)
 def test_images_are_as_exact_as_predicted(name, target_db):
-    scene, way = SCENES[name]
+    scene, route = SCENES[name]
     block = scene.block(scene.random_points())
     image = plan_image(scene.grid, block.radar, block.n_samples, method='exact',
                        target_db=target_db)(block)
@@ -125,7 +125,7 @@ def test_images_are_as_exact_as_predicted(name, target_db):
     assert (against_correlation_db(image.samples, scene.grid, block)
             <= report.predicted_error_db + 3.0)
     if target_db == -50.0:  # more exact lines need segments so short that points are quicker
-        assert report.plan.method == way
+        assert report.plan.method == route
 
 
 @pytest.mark.parametrize('name', ['vertical section', 'slant plane', 'oblique volume',
@@ -143,7 +143,7 @@ def test_what_is_planned_is_what_is_quicker(name):
     assert np.linalg.norm(image - other) <= 2 * 10 ** (-50 / 20) * np.linalg.norm(other)
     anywhere = plan_backprojection(
         ImagePoints.of_grid(PointGrid(scene.grid.points())), *arguments)
-    assert plan.way.cost <= anywhere.way.cost * (1 + 1e-9)
+    assert plan.route.cost <= anywhere.route.cost * (1 + 1e-9)
 
 
 def width_m(image, axis, spacing_m):

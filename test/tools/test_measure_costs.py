@@ -118,26 +118,26 @@ def test_a_process_plans_with_the_file_of_its_environment(tmp_path):
     assert done.stdout.strip() == '12345.0'
 
 
-@pytest.mark.parametrize(('way', 'changed'), [
+@pytest.mark.parametrize(('route', 'changed'), [
     ('lines', {'map_pixel': 1e9}), ('points', {'point_pixel': 1e-6}),
     ('polar', {'upsampled_pixel': 1e9}), ('polar', {'upsampled_part': 1.0})])
 def test_predicted_time_is_what_plans_are_chosen_by_and_what_is_the_same_for_all(
-        make_case, way, changed):
+        make_case, route, changed):
     case = make_case(1e3, pulses=64)
     block, model = case.block, dataclasses.replace(DEFAULT, **ALONE, **changed)
     rows = block.tx_m[:, 0], block.rx_m[:, 0]
     with using(model):
         plan = plan_backprojection(case.grid, block.radar, block.n_samples, *rows, -80.0)
-        if way == 'polar':  # chosen or not
-            plan = dataclasses.replace(plan, way=plan_polar(
+        if route == 'polar':  # chosen or not
+            plan = dataclasses.replace(plan, route=plan_polar(
                 case.grid, *rows, block.radar, block.n_samples, -80.0))
-            assert (plan.way.parts is None) == ('upsampled_pixel' in changed)
-        assert plan.method == way
+            assert (plan.route.parts is None) == ('upsampled_pixel' in changed)
+        assert plan.method == route
         n_pixels = case.grid.n_x * case.grid.n_y
-        assert plan.seconds == pytest.approx(1e-9 * plan.way.cost * n_pixels, rel=1e-6)
+        assert plan.seconds == pytest.approx(1e-9 * plan.route.cost * n_pixels, rel=1e-6)
     dearer = dataclasses.replace(model, image=1e9)
     with using(dearer):
-        assert plan.seconds == pytest.approx(1e-9 * plan.way.cost * n_pixels + 1.0, rel=1e-6)
+        assert plan.seconds == pytest.approx(1e-9 * plan.route.cost * n_pixels + 1.0, rel=1e-6)
 
 
 def test_operations_of_afbp_are_those_that_the_backend_does(make_case, monkeypatch):

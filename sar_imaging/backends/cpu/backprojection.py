@@ -159,58 +159,60 @@ class Backprojection:
     """
 
     def __init__(self, plan: BackprojectionPlan, memory: WorkSpace | None = None):
-        ways = {PolarPlan: _Polar, LinePlan: _Lines, PointPlan: _Points}
+        routes = {PolarPlan: _Polar, LinePlan: _Lines, PointPlan: _Points}
         self.plan, self.memory = plan, memory or WorkSpace()
-        self._way = ways[type(plan.way)](plan, self.memory)
+        self._route = routes[type(plan.route)](plan, self.memory)
 
     def add(self, samples, tx_m, rx_m, image) -> None:
         """Add echoes to an image, see `backends.protocol.Backprojection`."""
-        self._way.add(samples, tx_m, rx_m, image)
+        self._route.add(samples, tx_m, rx_m, image)
 
 
 class _Polar:
     """By a polar image, in parts that are merged or as a whole, interpolated to the map."""
 
     def __init__(self, plan: BackprojectionPlan, memory: WorkSpace):
-        way = self._way = plan.way
+        route = self._route = plan.route
         self._grid: MapGrid = plan.grid
-        profiles = Profiles(way.window, way.lattice, way.range_m, memory)
-        self._lines = PolarLines(way.polar if way.parts is None else way.parts.coarse, profiles,
-                                 way.lit)
+        profiles = Profiles(route.window, route.lattice, route.range_m, memory)
+        self._lines = PolarLines(route.projected, profiles, route.lit)
         self._illumination = plan.illumination
-        self._merging = way.parts and AzimuthUpsampling(way.parts)
+        self._merging = route.parts and AzimuthUpsampling(route.parts)
         self._memory = memory
 
     def add(self, samples, tx_m, rx_m, image) -> None:
-        way, echoes = self._way, (samples, tx_m, rx_m)
-        total = self._memory('polar image', (2, way.polar.n_alpha, way.polar.n_range), np.float32)
+        route, echoes = self._route, (samples, tx_m, rx_m)
+        shape = 2, route.polar.n_alpha, route.polar.n_range
+        total = self._memory('polar image', shape, np.float32)
         total[:] = 0.0
         if self._merging is None:
             self._lines.add(*echoes, total, self._illumination)
         else:
             self._merging.add_all(lambda number, part: self._lines.add(
-                *(a[way.parts.echoes[number]] for a in echoes), part,
-                self._illumination and self._illumination.select(way.parts.echoes[number])), total)
-        polar_to_map(total, way.polar, self._grid, axis=way.axis, wavelength_m=way.wavelength_m,
-                     between=way.between, along=way.along, onto=image)
+                *(a[route.parts.echoes[number]] for a in echoes), part,
+                self._illumination and self._illumination.select(route.parts.echoes[number])),
+                total)
+        polar_to_map(total, route.polar, self._grid, axis=route.axis,
+                     wavelength_m=route.wavelength_m, between=route.between, along=route.along,
+                     onto=image)
 
 
 class _Lines:
     """Along the lines of the grid itself."""
 
     def __init__(self, plan: BackprojectionPlan, memory: WorkSpace):
-        way, lines = plan.way, plan.way.lines
-        self._profiles = Profiles(way.window, way.lattice, lines.range_m, memory)
+        route, lines = plan.route, plan.route.lines
+        self._profiles = Profiles(route.window, route.lattice, lines.range_m, memory)
         self._layers = [(line_middles(lines.locate(layer), lines.n_lines, lines.n_pixels,
-                                      way.lattice.segment), layout)
+                                      route.lattice.segment), layout)
                         for layer, layout in enumerate(lines.layouts)]
         self._phase = shared_phase(self._profiles, lines.n_pixels)
         self._lit = None
-        if way.lit is not None:
+        if route.lit is not None:
             echoes = LitEchoes.of(plan.illumination)
             self._lit = [LitTiles(echoes, *knot_positions(
-                lines.locate(layer), lines.n_lines, lines.n_pixels, way.lattice.segment,
-                way.lit.apart)) for layer in range(len(lines.layouts))]
+                lines.locate(layer), lines.n_lines, lines.n_pixels, route.lattice.segment,
+                route.lit.apart)) for layer in range(len(lines.layouts))]
 
     def add(self, samples, tx_m, rx_m, image) -> None:
         project_lines(self._profiles, samples, tx_m, rx_m, self._layers, self._phase,
@@ -221,7 +223,7 @@ class _Points:
     """Point by point."""
 
     def __init__(self, plan: BackprojectionPlan, memory: WorkSpace):
-        self._plan, self._memory, self._illumination = plan.way, memory, plan.illumination
+        self._plan, self._memory, self._illumination = plan.route, memory, plan.illumination
         self._layers = image_layers(plan.grid)
 
     def add(self, samples, tx_m, rx_m, image) -> None:

@@ -53,10 +53,10 @@ def _backprojection() -> None:
             between = design_interpolator(2.0, taps=TAPS, degree=DEGREE)
             parts = AzimuthParts((slice(None),), np.zeros(1), polar.polar, polar.polar, between,
                                  0.0, 0.0)
-            plans += [dataclasses.replace(plan, way=dataclasses.replace(polar, parts=p))
+            plans += [dataclasses.replace(plan, route=dataclasses.replace(polar, parts=p))
                       for p in (None, parts)]
-        for way in plans:
-            Backprojection(way).add(samples, centres, centres, image)
+        for route in plans:
+            Backprojection(route).add(samples, centres, centres, image)
 
 
 def _subapertures() -> None:
@@ -71,8 +71,8 @@ def _subapertures() -> None:
     first = block.select(plan.sampling.pulses[0])
     beams = plan_beams(plan.coarse, plan.radar, plan.lattice,
                        [(first.tx_m[:, 0], first.rx_m[:, 0])], _TARGET_DB, 8.0)
-    for way in (None, beams):
-        SubapertureImager(dataclasses.replace(plan, beams=way)).image(0, first)
+    for route in (None, beams):
+        SubapertureImager(dataclasses.replace(plan, beams=route)).image(0, first)
 
 
 def _fusion() -> None:

@@ -9,12 +9,12 @@ from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
 from ...planning.exact.points import PointPlan
 from ...planning.exact.polar_image import PolarPlan
 
-_WAY = {'window', 'lattice', 'errors_db', 'cost', 'lit'}
-_KNOWN = {BackprojectionPlan: {'grid', 'radar', 'tx_m', 'rx_m', 'range_m', 'way', 'warnings',
+_ROUTE = {'window', 'lattice', 'errors_db', 'cost', 'lit'}
+_KNOWN = {BackprojectionPlan: {'grid', 'radar', 'tx_m', 'rx_m', 'range_m', 'route', 'warnings',
                               'illumination'},
-          LinePlan: _WAY | {'lines'},
-          PointPlan: _WAY | {'range_m', 'tile', 'reach_m'},
-          PolarPlan: _WAY | {'polar', 'range_m', 'axis', 'between', 'along', 'parts',
+          LinePlan: _ROUTE | {'lines'},
+          PointPlan: _ROUTE | {'range_m', 'tile', 'reach_m'},
+          PolarPlan: _ROUTE | {'polar', 'range_m', 'axis', 'between', 'along', 'parts',
                              'wavelength_m'},
           SubaperturePlan: {'polar', 'given', 'source', 'n_samples', 'n_channels', 'sampling',
                             'fusion_grid', 'lattice', 'beams', 'range_m', 'limits', 'warnings',

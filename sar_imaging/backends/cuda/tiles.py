@@ -57,7 +57,7 @@ def cut(plan: BackprojectionPlan) -> list[Tile]:
         The smallest tile does not fit.
     """
     kinds = {LinePlan: _lines, PolarPlan: _strips}
-    n_rows, row_bytes, step, tiles = kinds.get(type(plan.way), _points)(plan)
+    n_rows, row_bytes, step, tiles = kinds.get(type(plan.route), _points)(plan)
     free, n_layers = arrays.free_bytes() * _SHARE, math.prod(plan.grid.shape[:-2]) or 1
     if n_layers * n_rows * row_bytes <= free:
         return [whole(plan)]
@@ -80,11 +80,11 @@ def whole(plan: BackprojectionPlan) -> Tile:
 
 def _lines(plan: BackprojectionPlan):
     """Some lines of every layer."""
-    lines, segment = plan.way.lines, plan.way.lattice.segment
+    lines, segment = plan.route.lines, plan.route.lattice.segment
     n_segments = -(-lines.n_pixels // segment)
     row_bytes = IMAGE_BYTES * lines.n_pixels + _LINE_BYTES * n_segments
-    if plan.way.lit is not None:
-        row_bytes += plan.way.lit.n_bytes(lines.n_lines, lines.n_pixels, segment) / lines.n_lines
+    if plan.route.lit is not None:
+        row_bytes += plan.route.lit.n_bytes(lines.n_lines, lines.n_pixels, segment) / lines.n_lines
 
     def tiles(rows: slice) -> Iterator[Tile]:
         shape = rows.stop - rows.start, lines.n_pixels
@@ -100,11 +100,11 @@ def _lines(plan: BackprojectionPlan):
 def _points(plan: BackprojectionPlan):
     """Some rows of tiles of every layer."""
     layers = image_layers(plan.grid)
-    (n_rows, n_columns), height = layers[0].size, plan.way.tile[0]
+    (n_rows, n_columns), height = layers[0].size, plan.route.tile[0]
     row_bytes = IMAGE_BYTES * n_columns + _COORDINATE_BYTES * sum(
         n_columns if stride[1] else 1 for stride in layers[0].strides if stride[0])
-    if plan.way.lit is not None:
-        row_bytes += plan.way.lit.n_bytes((n_rows, n_columns), plan.way.tile) / n_rows
+    if plan.route.lit is not None:
+        row_bytes += plan.route.lit.n_bytes((n_rows, n_columns), plan.route.tile) / n_rows
 
     def tiles(rows: slice) -> Iterator[Tile]:
         for layer in range(len(layers)):
@@ -117,20 +117,20 @@ def _points(plan: BackprojectionPlan):
 
 def _strips(plan: BackprojectionPlan):
     """Rows of a map, or columns where range follows y, with their lines of the polar image."""
-    way, grid = plan.way, plan.grid
+    route, grid = plan.route, plan.grid
     n_y, n_x = grid.shape
-    n_rows, n_pixels = (n_y, n_x) if way.axis == 0 else (n_x, n_y)
+    n_rows, n_pixels = (n_y, n_x) if route.axis == 0 else (n_x, n_y)
     # as many lines of the polar image as rows of the map, or more
-    lines = max(1.0, way.polar.n_alpha / n_rows)
-    row_bytes = IMAGE_BYTES * (n_pixels + lines * way.polar.n_range)
-    if way.lit is not None:
-        coarse = way.polar if way.parts is None else way.parts.coarse
-        row_bytes += way.lit.n_bytes(*coarse.shape, way.lattice.segment) / n_rows
+    lines = max(1.0, route.polar.n_alpha / n_rows)
+    row_bytes = IMAGE_BYTES * (n_pixels + lines * route.polar.n_range)
+    if route.lit is not None:
+        coarse = route.polar if route.parts is None else route.parts.coarse
+        row_bytes += route.lit.n_bytes(*coarse.shape, route.lattice.segment) / n_rows
     step = max(1, round(_LEAST_LINES / lines))
 
     def tiles(rows: slice) -> Iterator[Tile]:
         n = rows.stop - rows.start
-        if way.axis == 0:
+        if route.axis == 0:
             yield Tile((n, n_x), lambda image: image[rows], rows=rows)
         else:
             yield Tile((n_y, n), lambda image: image[:, rows], rows=rows)

@@ -54,27 +54,27 @@ class Backprojection:
 
     def add(self, samples, tx_m, rx_m, image) -> None:
         """Add echoes to an image."""
-        grid, way = self.plan.grid, self.plan.way
-        if isinstance(way, PolarPlan):
+        grid, route = self.plan.grid, self.plan.route
+        if isinstance(route, PolarPlan):
             polar_image = self._polar_image(samples, tx_m, rx_m)
-            image += polar_to_map(polar_image, way.polar, grid, axis=way.axis,
-                                  wavelength_m=way.wavelength_m, between=way.between,
-                                  along=way.along)
+            image += polar_to_map(polar_image, route.polar, grid, axis=route.axis,
+                                  wavelength_m=route.wavelength_m, between=route.between,
+                                  along=route.along)
             return
         points_m = grid.points().reshape(*image.shape, 3)
-        image += project_points(way.window, samples, way.lattice.n_padded, tx_m, rx_m, points_m,
-                                self.plan.illumination)
+        image += project_points(route.window, samples, route.lattice.n_padded, tx_m, rx_m,
+                                points_m, self.plan.illumination)
 
     def _polar_image(self, samples, tx_m, rx_m) -> np.ndarray:
-        way, lit = self.plan.way, self.plan.illumination
+        route, lit = self.plan.route, self.plan.illumination
 
         def project(echoes, polar):
-            return project_lines(way.window, samples[echoes], way.lattice.n_padded, tx_m[echoes],
-                                 rx_m[echoes], polar, lit and lit.select(echoes))
+            return project_lines(route.window, samples[echoes], route.lattice.n_padded,
+                                 tx_m[echoes], rx_m[echoes], polar, lit and lit.select(echoes))
 
-        if way.parts is None:
-            return project(slice(None), way.polar)
-        parts = way.parts
+        if route.parts is None:
+            return project(slice(None), route.polar)
+        parts = route.parts
         return upsample_azimuth([project(echoes, parts.coarse) for echoes in parts.echoes], parts)
 
 

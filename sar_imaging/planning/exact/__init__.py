@@ -1,4 +1,4 @@
-"""Plans of exact backprojection: the quickest way that meets the error asked for.
+"""Plans of exact backprojection: the quickest route that meets the error asked for.
 
 `backprojection` chooses among the lines of a grid, a polar image that is then interpolated to the
 map (`polar_image`), and single points (`points`); `illumination` is for antennas with a pattern.

@@ -1,6 +1,6 @@
-"""Plan of exact backprojection: in which way some pulses are added to an image the quickest.
+"""Plan of exact backprojection: by which route some pulses are added to an image the quickest.
 
-Three ways lead to the same sum: a polar image around the aperture, interpolated to the map (its
+Three routes lead to the same sum: a polar image around the aperture, interpolated to the map (its
 lines follow range best); lines of the map, plane or volume itself; and point by point, for grids
 near or around the antenna, for terrain and for positions that form no grid.
 """
@@ -17,7 +17,6 @@ import numpy as np
 from ...geometry.grids import EvenGrid, MapGrid, even_positions
 from ...geometry.half_paths import sample_paths
 from ...geometry.illumination import Illumination
-from ...memory import IMAGE_BYTES
 from ...signal.radar import RadarParameters
 from ..ambiguities import azimuth_warnings
 from ..costs import costs
@@ -32,7 +31,7 @@ from ..profiles import (
     reach_warnings,
     some_pixels,
 )
-from .points import ImagePoints, PointPlan, coordinate_bytes, plan_even_points, plan_points
+from .points import ImagePoints, PointPlan, plan_even_points, plan_points
 from .polar_image import PolarPlan, plan_polar
 
 if TYPE_CHECKING:
@@ -150,6 +149,21 @@ class LinePlan(Plan):
     cost: float
     lit: LitLines | None = None
 
+    method = 'lines'
+
+    def operations(self, grid: EvenGrid, n_echoes: int) -> dict[str, float]:
+        """How often the operations of `CostModel` are done."""
+        share = 1.0 if self.lit is None else self.lit.share
+        return {'image': 1} | self.lattice.operations(n_echoes, math.prod(grid.shape) * share)
+
+    def n_bytes(self, grid: EvenGrid) -> int:
+        """Memory that adding the echoes takes besides the image, bytes."""
+        return 0 if self.lit is None else self.lit.n_bytes(
+            self.lines.n_lines, self.lines.n_pixels, self.lattice.segment, len(self.lines.layouts))
+
+    def __str__(self) -> str:
+        return 'pulses are added along the lines of the grid'
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class BackprojectionPlan(Plan):
@@ -159,7 +173,7 @@ class BackprojectionPlan(Plan):
     ----------
     tx_m, rx_m : (R, 3) float64
         Phase centres of the echoes that it is for, metres.
-    way : PolarPlan, LinePlan or PointPlan
+    route : PolarPlan, LinePlan or PointPlan
         The quickest of the three.
     illumination : Illumination or None
         Of the echoes; None where they light all pixels alike.
@@ -170,20 +184,21 @@ class BackprojectionPlan(Plan):
     tx_m: np.ndarray
     rx_m: np.ndarray
     range_m: tuple[float, float]
-    way: PolarPlan | LinePlan | PointPlan
+    route: PolarPlan | LinePlan | PointPlan
     warnings: tuple[str, ...]
     illumination: Illumination | None = None
 
     @property
     def method(self) -> str:
         """``'polar'``, ``'lines'`` or ``'points'``."""
-        return {PolarPlan: 'polar', LinePlan: 'lines', PointPlan: 'points'}[type(self.way)]
+        return self.route.method
 
     @property
     def errors_db(self) -> Mapping[str, float]:
         """Predicted error against time-domain correlation by cause, dB."""
-        own = total_db(*self.way.errors_db.values())
-        return {**self.way.errors_db, 'chance': own + 10 * math.log10(10 ** (_CHANCE_DB / 10) - 1)}
+        own = total_db(*self.route.errors_db.values())
+        chance = own + 10 * math.log10(10 ** (_CHANCE_DB / 10) - 1)
+        return {**self.route.errors_db, 'chance': chance}
 
     @property
     def seconds(self) -> float:
@@ -193,51 +208,22 @@ class BackprojectionPlan(Plan):
     @property
     def operations(self) -> dict[str, float]:
         """How often the operations of `CostModel` are done."""
-        way, n_pixels, counts = self.way, math.prod(self.grid.shape), {'image': 1}
-        if isinstance(way, PolarPlan):
-            grid, n_parts = (way.polar, 0) if way.parts is None else (
-                way.parts.coarse, len(way.parts.echoes))
-            counts |= {'map_pixel': n_pixels, 'upsampled_part': n_parts,
-                       'upsampled_pixel': n_parts * way.polar.n_alpha * way.polar.n_range}
-            n_pixels = grid.n_alpha * grid.n_range
-        share = 1.0 if way.lit is None else way.lit.share * (
-            way.lit.dearer if isinstance(way, PointPlan) else 1.0)
-        return counts | way.lattice.operations(len(self.tx_m), n_pixels * share)
+        return self.route.operations(self.grid, len(self.tx_m))
 
     @property
     def n_bytes(self) -> int:
         """Memory that adding the echoes takes besides the image, bytes."""
-        way, lit = self.way, 0 if self.illumination is None else self.illumination.n_bytes
-        if isinstance(way, PointPlan):
-            *layers, n_y, n_x = (1, 1, *self.grid.shape)
-            if way.lit is not None:
-                lit += math.prod(layers) * way.lit.n_bytes((n_y, n_x), way.tile)
-            return coordinate_bytes(self.grid) + lit
-        if isinstance(way, PolarPlan):
-            size, image = (way.polar if way.parts is None else way.parts.coarse).shape, (
-                IMAGE_BYTES * way.polar.n_alpha * way.polar.n_range)
-        else:
-            size, image = (way.lines.n_lines, way.lines.n_pixels), 0
-        if way.lit is not None:
-            n_layers = len(way.lines.layouts) if isinstance(way, LinePlan) else 1
-            lit += way.lit.n_bytes(*size, way.lattice.segment, n_layers)
-        return image + lit
+        lit = 0 if self.illumination is None else self.illumination.n_bytes
+        return lit + self.route.n_bytes(self.grid)
 
     def __str__(self) -> str:
-        way = self.way
-        if isinstance(way, LinePlan):
-            return 'pulses are added along the lines of the grid'
-        if isinstance(way, PointPlan):
-            return 'pulses are added point by point'
-        n = 1 if way.parts is None else len(way.parts.echoes)
-        return (f'pulses are added to a polar image of {way.polar.n_alpha} x {way.polar.n_range} '
-                f'pixels in {n} part{"s" * (n > 1)}, which is interpolated to the map')
+        return str(self.route)
 
 
 def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_samples: int,
                         tx_m, rx_m, target_db: float, illumination: Illumination | None = None
                         ) -> BackprojectionPlan:
-    """Plan the quickest way of adding echoes to an image.
+    """Plan the quickest route of adding echoes to an image.
 
     With `illumination`, that of the echoes, pixels that an echo does not light take no part in its
     errors and its time.
@@ -253,26 +239,27 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
     if is_points:
         range_m = grid.bounds(tx_m, rx_m)
         check_reach(range_m, radar, n_samples)
-        way = plan_points(grid, radar, n_samples, tx_m, rx_m, range_m, target_db,
+        route = plan_points(grid, radar, n_samples, tx_m, rx_m, range_m, target_db,
                           illumination=illumination)
     else:
-        range_m, way = _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination)
+        range_m, route = _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db,
+                                        illumination)
     (start, stop), some = covered_ranges(radar, n_samples), (
         grid.some() if is_points else some_pixels(grid))
     warnings = azimuth_warnings(some, tx_m, rx_m, radar, illumination)
     if range_m[0] < start or stop < range_m[1]:
         warnings = (*reach_warnings(some, tx_m, rx_m, radar, n_samples, illumination), *warnings)
-    return BackprojectionPlan(grid, radar, tx_m.copy(), rx_m.copy(), range_m, way, warnings,
+    return BackprojectionPlan(grid, radar, tx_m.copy(), rx_m.copy(), range_m, route, warnings,
                               illumination)
 
 
-def _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination):
-    """Bounds of the half path, and the quickest way."""
+def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination):
+    """Bounds of the half path, and the quickest route."""
     lines = GridLines(grid, tx_m, rx_m, illumination)
     check_reach(lines.range_m, radar, n_samples)
     window = RangeGate.around(radar, n_samples, lines.range_m)
     lattice = plan_resampling(lines.paths, 1.0, lines.n_pixels, radar, window.n_samples, target_db)
-    way, lit, more, share = None, None, {}, 1.0
+    route, lit, more, share = None, None, {}, 1.0
     cost = plan_point_resampling(radar, n_samples, target_db).cost * len(tx_m)
     if lattice is not None and illumination is not None:
         from .illumination import plan_lit_lines
@@ -285,14 +272,14 @@ def _way_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination):
         errors = {'range profiles': lattice.predicted_error_db,
                   'ends of profiles': window.mean_end_error_db(
                       lines.paths.length, len(grid.shape), lattice.oversampling(radar)), **more}
-        way = LinePlan(lines, window, lattice, errors, cost, lit)
+        route = LinePlan(lines, window, lattice, errors, cost, lit)
     # Polar images lie on horizontal planes, and cannot pay for fewer pulses.
     if isinstance(grid, MapGrid) and cost > costs().map_pixel:
         polar = plan_polar(grid, tx_m, rx_m, radar, n_samples, target_db, illumination)
         if polar is not None and polar.cost < cost and (
                 illumination is None or total_db(*polar.errors_db.values()) <= target_db):
-            way = polar
-    if way is None:
-        way = plan_even_points(grid, radar, n_samples, tx_m, rx_m, lines.range_m, target_db,
+            route = polar
+    if route is None:
+        route = plan_even_points(grid, radar, n_samples, tx_m, rx_m, lines.range_m, target_db,
                                illumination=illumination)
-    return lines.range_m, way
+    return lines.range_m, route

@@ -175,6 +175,22 @@ class PointPlan(Plan):
     cost: float
     lit: LitPoints | None = None
 
+    method = 'points'
+
+    def operations(self, grid: ImagePoints | EvenGrid, n_echoes: int) -> dict[str, float]:
+        """How often the operations of `CostModel` are done."""
+        share = 1.0 if self.lit is None else self.lit.share * self.lit.dearer
+        return {'image': 1} | self.lattice.operations(n_echoes, math.prod(grid.shape) * share)
+
+    def n_bytes(self, grid: ImagePoints | EvenGrid) -> int:
+        """Memory that adding the echoes takes besides the image, bytes."""
+        *layers, n_y, n_x = (1, 1, *grid.shape)
+        lit = 0 if self.lit is None else self.lit.n_bytes((n_y, n_x), self.tile)
+        return coordinate_bytes(grid) + math.prod(layers) * lit
+
+    def __str__(self) -> str:
+        return 'pulses are added point by point'
+
 
 def coordinate_bytes(grid: ImagePoints | EvenGrid) -> int:
     """Memory of `image_layers`: coordinates that change along two axes of an image, bytes."""

@@ -23,6 +23,7 @@ from ...geometry.grids import MapGrid
 from ...geometry.half_paths import Paths, sample_paths
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
+from ...memory import IMAGE_BYTES
 from ...signal.radar import RadarParameters
 from ..costs import costs
 from ..echo_power import spread_frequencies, tail_error
@@ -172,6 +173,33 @@ class PolarPlan(Plan):
     errors_db: Mapping[str, float]
     cost: float
     lit: LitLines | None = None
+
+    method = 'polar'
+
+    @property
+    def projected(self) -> PolarGrid:
+        """Grid onto whose lines echoes are projected: that of the image or of its parts."""
+        return self.polar if self.parts is None else self.parts.coarse
+
+    def operations(self, grid: MapGrid, n_echoes: int) -> dict[str, float]:
+        """How often the operations of `CostModel` are done."""
+        n_parts = 0 if self.parts is None else len(self.parts.echoes)
+        share = 1.0 if self.lit is None else self.lit.share
+        return {'image': 1, 'map_pixel': math.prod(grid.shape), 'upsampled_part': n_parts,
+                'upsampled_pixel': n_parts * math.prod(self.polar.shape)
+                } | self.lattice.operations(n_echoes, math.prod(self.projected.shape) * share)
+
+    def n_bytes(self, grid: MapGrid) -> int:
+        """Memory that adding the echoes takes besides the image, bytes."""
+        lit = 0 if self.lit is None else self.lit.n_bytes(
+            *self.projected.shape, self.lattice.segment, 1)
+        return IMAGE_BYTES * math.prod(self.polar.shape) + lit
+
+    def __str__(self) -> str:
+        n = 1 if self.parts is None else len(self.parts.echoes)
+        return (f'pulses are added to a polar image of {self.polar.n_alpha} x '
+                f'{self.polar.n_range} pixels in {n} part{"s" * (n > 1)}, which is interpolated '
+                'to the map')
 
 
 def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,

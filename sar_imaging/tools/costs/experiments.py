@@ -116,14 +116,14 @@ class _Experiments:
         """Sizes tell pixels from profiles, fine pixels cells from bins, segments their cost."""
         for scene in self._scenes.lines:
             plan, block = _planned(scene, point_pixel=_NEVER, map_pixel=_NEVER)
-            longest = plan.way.lattice.segment
+            longest = plan.route.lattice.segment
             first = self._scenes.varied and scene is self._scenes.lines[0]
             shorter = (longest // 4, longest // 16) if first else ()
             for segment in (longest, *shorter):
-                lattice = dataclasses.replace(plan.way.lattice, segment=segment)
-                way = dataclasses.replace(plan.way, lattice=lattice)
+                lattice = dataclasses.replace(plan.route.lattice, segment=segment)
+                route = dataclasses.replace(plan.route, lattice=lattice)
                 yield self._exact(f'lines of {segment} pixels',
-                                  dataclasses.replace(plan, way=way), block)
+                                  dataclasses.replace(plan, route=route), block)
 
     def _onto_points(self) -> Iterator[Experiment]:
         for scene in self._scenes.points:
@@ -136,11 +136,11 @@ class _Experiments:
             for pixel in (0.01, 2.0, _NEVER):
                 with using(dataclasses.replace(DEFAULT, upsampled_pixel=pixel,
                                                upsampled_part=1.0)):
-                    way = plan_polar(scene.grid, plan.tx_m, plan.rx_m, block.radar,
+                    route = plan_polar(scene.grid, plan.tx_m, plan.rx_m, block.radar,
                                      block.n_samples, -80.0)
-                n_parts = 1 if way.parts is None else len(way.parts.echoes)
+                n_parts = 1 if route.parts is None else len(route.parts.echoes)
                 yield self._exact(f'polar image in {n_parts}',
-                                  dataclasses.replace(plan, way=way), block)
+                                  dataclasses.replace(plan, route=route), block)
 
     def _by_afbp(self) -> Iterator[Experiment]:
         """Sub-apertures from beams, of few rows and many, long profiles and short; the map."""

@@ -18,17 +18,17 @@ from sar_imaging.planning.interpolators import design_interpolator
 AGREE_DB = -100.0  # float32 sums in another order, of the same polynomials
 
 
-def planned(scene, grid, way=None, target_db=-80.0):
+def planned(scene, grid, route=None, target_db=-80.0):
     block, rows = scene.block, scene.echoes
     plan = plan_backprojection(grid, block.radar, block.n_samples, *rows[1:], target_db)
-    if way is not None:
+    if route is not None:
         polar = plan_polar(grid, *rows[1:], block.radar, block.n_samples, target_db)
-        if way == 'parts':  # which pay for larger images alone
+        if route == 'parts':  # which pay for larger images alone
             parts = AzimuthParts(
                 (slice(0, 1), slice(1, 2)), np.array([-90.0, 200.0]), polar.polar, polar.polar,
                 design_interpolator(1.5, taps=TAPS, degree=DEGREE), -60.0, 0.0)
             polar = dataclasses.replace(polar, parts=parts)
-        plan = dataclasses.replace(plan, way=polar)
+        plan = dataclasses.replace(plan, route=polar)
     return plan
 
 
@@ -52,7 +52,7 @@ def in_tiles(plan, rows, pixel_bytes):
     return added(sums, rows)
 
 
-@pytest.mark.parametrize(('way', 'options'), [
+@pytest.mark.parametrize(('route', 'options'), [
     ('lines', {'range_m': 1000.0, 'height_m': 300.0}),
     ('bistatic', {'range_m': 1000.0, 'apart_m': 40.0, 'channels': 2, 'pulses': 1}),
     ('points', {'range_m': 30.0, 'aperture_m': 3.0, 'n': 20}),
@@ -61,30 +61,30 @@ def in_tiles(plan, rows, pixel_bytes):
     ('wall', {'range_m': 300.0, 'height_m': 20.0}),
     ('polar', {'range_m': 1000.0, 'bend_m': 3.0, 'n': 16}),
     pytest.param('parts', {'range_m': 1000.0, 'n': 16}, marks=pytest.mark.campaign)])
-def test_images_are_those_of_the_processor(make_scene, error_db, way, options):
+def test_images_are_those_of_the_processor(make_scene, error_db, route, options):
     scene = make_scene(**{'n': 12, 'pulses': 2, **options})
     grid = scene.grid
     x, y, z = grid.centre_m
-    if way == 'volume':
+    if route == 'volume':
         grid = VolumeGrid((x, y, z), (0.25, 0.0, 0.0), (0.0, 0.25, 0.01), (0.0, 0.0, 0.5), 8, 6, 2)
-    elif way == 'wall':
+    elif route == 'wall':
         grid = PlaneGrid((x, y - 1.0, z), (0.02, 0.25, 0.0), (0.1, 0.0, 0.3), 12, 8)
-    elif way == 'hills':
+    elif route == 'hills':
         points = grid.points()
         points[..., 2] += 3.0 * np.exp(-points[..., 1] ** 2)
         points[5, 7, 2] = np.nan
         grid = ImagePoints.of_grid(PointGrid(points))
-    plan = planned(scene, grid, way if way in ('polar', 'parts') else None)
-    if way == 'hills':  # as of a larger image
-        plan = dataclasses.replace(plan, way=dataclasses.replace(plan.way, tile=(4, 4)))
+    plan = planned(scene, grid, route if route in ('polar', 'parts') else None)
+    if route == 'hills':  # as of a larger image
+        plan = dataclasses.replace(plan, route=dataclasses.replace(plan.route, tile=(4, 4)))
     image, wanted = images(plan, scene.echoes)
     assert error_db(image, wanted) < AGREE_DB
-    if way == 'parts':  # directions are told from another line
+    if route == 'parts':  # directions are told from another line
         assert error_db(in_tiles(plan, scene.echoes, 8), image) < AGREE_DB - 10.0
-    elif way != 'polar':
-        np.testing.assert_array_equal(in_tiles(plan, scene.echoes, 32 if way == 'hills' else 8),
+    elif route != 'polar':
+        np.testing.assert_array_equal(in_tiles(plan, scene.echoes, 32 if route == 'hills' else 8),
                                       image)
-    if way == 'hills':
+    if route == 'hills':
         assert image[5, 7] == 0.0
 
 

@@ -30,19 +30,19 @@ def looking(block, squint_rad):
         [np.cos(squint) * math.cos(down), np.sin(squint), 0 * squint - math.sin(down)], axis=-1)))
 
 
-def planned(scene, grid, squint_rad, way=None, pattern=NARROW):
+def planned(scene, grid, squint_rad, route=None, pattern=NARROW):
     """A plan with illumination; by a polar image, or by parts of one, where `way` says so."""
     block, echoes = looking(scene.block, squint_rad), scene.echoes
     light = Illumination.of_pulses(pattern, block.pointing, block.tx_m, block.rx_m)
     plan = plan_backprojection(grid, block.radar, block.n_samples, *echoes[1:], TARGET_DB, light)
-    if way is not None:
+    if route is not None:
         polar = plan_polar(grid, *echoes[1:], block.radar, block.n_samples, TARGET_DB, light)
-        if way == 'parts':  # which pay for larger images alone
+        if route == 'parts':  # which pay for larger images alone
             parts = AzimuthParts(
                 (slice(0, 2), slice(2, 4)), np.array([-90.0, 200.0]), polar.polar, polar.polar,
                 design_interpolator(1.5, taps=TAPS, degree=DEGREE), -60.0, 0.0)
             polar = dataclasses.replace(polar, parts=parts)
-        plan = dataclasses.replace(plan, way=polar)
+        plan = dataclasses.replace(plan, route=polar)
     return plan
 
 
@@ -78,17 +78,17 @@ def test_lines(scene, error_db):
     """Two groups of lines, of which tiles cut one; echoes light lines in part, or none."""
     x, y, z = scene.grid.centre_m
     plan = planned(scene, MapGrid((x, y, z), 8, 40, 0.25), SQUINTS)
-    assert plan.method == 'lines' and 0.5 < plan.way.lit.share < 1.0
+    assert plan.method == 'lines' and 0.5 < plan.route.lit.share < 1.0
     image = check(plan, scene.echoes, error_db, memory=60_000)
     wanted = added('reference', plan, scene.echoes)
     assert error_db(image, wanted) < plan.predicted_error_db
 
 
-@pytest.mark.parametrize('way', ['polar', 'parts'])
-def test_polar_images(make_scene, error_db, way):
+@pytest.mark.parametrize('route', ['polar', 'parts'])
+def test_polar_images(make_scene, error_db, route):
     scene = make_scene(1000.0, n=16, pulses=4)
-    plan = planned(scene, scene.grid, SQUINTS, way, WIDE)
-    assert plan.method == 'polar' and plan.way.lit.apart == 16
+    plan = planned(scene, scene.grid, SQUINTS, route, WIDE)
+    assert plan.method == 'polar' and plan.route.lit.apart == 16
     check(plan, scene.echoes, error_db)
 
 
@@ -105,8 +105,9 @@ def test_points(scene, error_db, tile, degree, each):
     grid = ImagePoints.of_grid(PointGrid(points))
     plan = planned(scene, grid, SQUINTS)
     assert plan.method == 'points'
-    way = dataclasses.replace(plan.way, tile=tile, lit=LitPoints(degree, each, 0.7, 1.0, -70.0))
-    plan = dataclasses.replace(plan, way=way)
+    route = dataclasses.replace(plan.route, tile=tile,
+                                lit=LitPoints(degree, each, 0.7, 1.0, -70.0))
+    plan = dataclasses.replace(plan, route=route)
     # float32 paths over the larger tiles are good to 1e-7 m, 5e-5 rad
     image = check(plan, scene.echoes, error_db, memory=8_000 if tile == (4, 4) else None,
                   agree_db=AGREE_DB if tile == (4, 4) else -90.0)
