@@ -287,7 +287,7 @@ def hover(rng) -> Case:
                  attitude=turning('drone', int(rng.integers(1 << 30)), n))
 
 
-def mimo(rng) -> Case:
+def upright(rng) -> Case:
     """Two or three transmitters and four receivers, upright on a slider."""
     range_m = rng.uniform(1.2, 2.5)
     half = 0.3 * range_m
@@ -302,13 +302,13 @@ def mimo(rng) -> Case:
     tx = track + np.repeat(4 * pitch * np.arange(n_tx), 4)[:, None] * up
     rx = track + np.tile(pitch * np.arange(4), n_tx)[:, None] * up
     samples = beats(*radar, delays(tx, rx, points), amplitudes)
-    return _case(rng, 'mimo', fmcw(*radar), samples, tx, rx, rng.uniform(20, 100),
+    return _case(rng, 'upright', fmcw(*radar), samples, tx, rx, rng.uniform(20, 100),
                  MapGrid.from_size((0, range_m, 0), 2 * half, 2 * half, half / 60))
 
 
 FAMILIES: dict[str, Callable[[np.random.Generator], Case]] = {
     'few': few, 'clutter': clutter, 'near': near, 'bistatic': bistatic, 'ground': ground,
-    'wide': wide, 'short': short, 'raster': raster, 'hover': hover, 'mimo': mimo}
+    'wide': wide, 'short': short, 'raster': raster, 'hover': hover, 'upright': upright}
 
 
 def family_case(name: str, seed: int) -> Case:

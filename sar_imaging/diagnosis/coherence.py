@@ -37,6 +37,7 @@ _FEWEST_ROWS = 12  # that tell where power is
 _WAYPOINTS = 256  # of a track: noise of more would count as way
 BUDGET = 6_000_000  # points times rows of one figure
 NOISE = 2.0  # agreement of noise
+FOCUSED = 3.0  # contrast from which on nothing is tried live
 _SQUARES = 0.13  # of the grid's longer side: squares of the halves of a map
 
 
@@ -61,8 +62,12 @@ class Coherence:
 
     @property
     def figure(self) -> float:
-        """Contrast; 1 at most where groups agree no more than those of noise, whatever it is."""
-        return self.contrast if self.agreement > NOISE else min(self.contrast, 1.0)
+        """Contrast; 1 at most where groups agree no more than those of noise, unless it is sharp.
+
+        Of the full array of a raster all but the scatterers themselves cancels.
+        """
+        plain = self.agreement > NOISE or self.contrast >= FOCUSED
+        return self.contrast if plain else min(self.contrast, 1.0)
 
     @property
     def agreement(self) -> float:

@@ -25,6 +25,7 @@ from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.range_compression import RangeCompressor
 from .coherence import (
     BUDGET,
+    FOCUSED,
     NOISE,
     OVERSAMPLING,
     Coherence,
@@ -52,7 +53,6 @@ from .track import at_rest, track_doubts
 _logger = logging.getLogger(__name__)
 # Of the coherence's contrast: 0.3 to 1.1 in noise and out of focus, 2.0 to 10 in focus; halfway
 # where a mistake spares a part of the focus. See docs/troubleshooting.md.
-FOCUSED = 3.0  # live, nothing is tried
 _CLEARLY = 2.0  # in focus, whatever else is sharper
 NOTHING = 1.3  # below it nothing stands out
 LEAST = 1.45  # contrast with which something focuses at all
@@ -294,7 +294,9 @@ def _best(tried: Iterable[_Tried]) -> _Tried | None:
         # an offset of the clock leaves out pulses: of two that help as much, the sharper counts
         gain = max(t.gain for t in helping) / _LIKELIER
         best = max((t for t in helping if t.gain >= gain), key=lambda t: t.result.contrast)
-        if best.gain > _PLAINLY or min(best.halves()) > 1.0:
+        halves = best.halves()
+        # odd and even pulses are asked whatever the gain, halves of the map where it is small
+        if min(halves[:2] if best.gain > _PLAINLY else halves) > 1.0:
             return best
         helping.remove(best)
     return None

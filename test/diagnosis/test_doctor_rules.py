@@ -106,7 +106,7 @@ def test_slope_is_not_sought_where_another_one_scales_the_scene_alone():
 
 def test_channels_above_each_other_do_not_hide_the_focus():
     """They agree over the whole map, and pulses of a right recording were told to be noise."""
-    case = family_case('mimo', 92000)
+    case = family_case('upright', 92000)
     profiles = RangeCompressor.for_block(case.block, oversampling=OVERSAMPLING)(case.block)
     conjugated = dataclasses.replace(profiles, samples=profiles.samples.conj())
     probe = CoherenceProbe(case.grid)
