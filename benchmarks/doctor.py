@@ -268,8 +268,8 @@ def _commands_table(entries: list[dict]) -> None:
                 else '–')
         said = ', '.join(e['found']) or '; '.join(
             [*e['untold'], *(f'cannot tell {name}' for name in e['undecided'])]) or '–'
-        print(f'| {e["recording"]} | {e["fault"]} | {loss} | {said} | {e["image"]} | '
-              f'{e["evaluate"]} |')
+        others = (e.get(command, 'not run') for command in ('image', 'evaluate'))
+        print('| ' + ' | '.join([e['recording'], e['fault'], loss, said, *others]) + ' |')
 
 
 def main() -> None:
