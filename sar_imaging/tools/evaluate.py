@@ -30,10 +30,10 @@ from sar_imaging.quality import ScattererQuality, measure_scatterer
 
 from .ending import run_command
 from .evaluation import examination, node_launch
+from .evaluation.examination import summary
 from .evaluation.node_launch import plan_launch
 from .evaluation.observer import Observer, ReceivedImage, counter_increase
 from .evaluation.replay import Published, Replayer
-from .evaluation.summary import summary
 from .node_processes import (
     MODES,
     NO_LOG_FILES,

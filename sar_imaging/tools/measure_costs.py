@@ -47,11 +47,11 @@ def run(path: Path, *, device: bool) -> str:
     check_target(path)  # not after all the measuring
     if not path.absolute().parent.is_dir():
         raise FileNotFoundError(f'{path.absolute().parent} is no folder; make it first')
-    from sar_imaging.tools.costs import measurement
+    from sar_imaging.tools import costs
 
     name = CUDA if device else 'cpu'
     usual = backend(CUDA).DEFAULT if device else DEFAULT
-    model, predicted = measurement.solve(measurement.measure(name, progress=True), usual)
+    model, predicted = costs.solve(costs.measure(name, progress=True), usual)
     model.write(path)
     return (f'{table(model, usual)}\n\nWith them the predicted times of {len(predicted)} '
             f'experiments are {predicted.min():.2f} to {predicted.max():.2f} of the measured '

@@ -11,8 +11,7 @@ import pytest
 import yaml
 
 from sar_imaging.tools import launching
-from sar_imaging.tools.recordings.bag_io import TOPIC
-from sar_imaging.tools.recordings.recorded_poses import ODOMETRY_TOPIC
+from sar_imaging.tools.recordings.bag_io import ODOMETRY_TOPIC, TOPIC
 
 ROOT = pathlib.Path(launching.__file__).parents[2]
 FILES = sorted((ROOT / 'sar_imaging' / 'launch').glob('*.launch.py'))

@@ -20,8 +20,7 @@ from sar_imaging.planning.afbp.plan import plan_afbp
 from sar_imaging.planning.costs import DEFAULT, VARIABLE, CostModel, using
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 from sar_imaging.planning.exact.polar_image import plan_polar
-from sar_imaging.tools import command
-from sar_imaging.tools.costs import measurement
+from sar_imaging.tools import command, costs
 
 ROOT = pathlib.Path(__file__).parents[2]
 # What no way of imaging is chosen by: too little to be anything beside the other costs.
@@ -31,13 +30,13 @@ ALONE = {name: 1e-12 for name in ('profile_bin', 'profile_cell', 'beam_path', 'b
 @pytest.fixture(scope='module')
 def timings():
     """A single round of each: rough, but times of this machine."""
-    return measurement.measure(rounds=1, least_s=0.0)
+    return costs.measure(rounds=1, least_s=0.0)
 
 
 def _as_if(timings, model):
     """The experiments on a machine with these costs."""
     values = dataclasses.asdict(model)
-    halves = dict.fromkeys((measurement.IMAGE_OVERHEAD, measurement.FUSION_OVERHEAD),
+    halves = dict.fromkeys((costs.IMAGE_OVERHEAD, costs.FUSION_OVERHEAD),
                            values.pop('subaperture') / 2)
     values |= halves
     return [dataclasses.replace(t, seconds=1e-9 * sum(values[name] * n for name, n in
@@ -46,14 +45,14 @@ def _as_if(timings, model):
 
 def test_every_cost_has_its_experiment(timings):
     names = {name for timing in timings for name in timing.operations}
-    overheads = {measurement.IMAGE_OVERHEAD, measurement.FUSION_OVERHEAD}
+    overheads = {costs.IMAGE_OVERHEAD, costs.FUSION_OVERHEAD}
     assert names - overheads == set(dataclasses.asdict(DEFAULT)) - {'subaperture'}
     assert overheads <= names
 
 
 def test_times_of_known_costs_give_these_costs(timings):
     slower = CostModel(**{name: 3 * v for name, v in dataclasses.asdict(DEFAULT).items()})
-    found, predicted = measurement.solve(_as_if(timings, slower))
+    found, predicted = costs.solve(_as_if(timings, slower))
     for name, value in dataclasses.asdict(slower).items():
         assert getattr(found, name) == pytest.approx(value, rel=1e-6), name
     np.testing.assert_allclose(predicted, 1.0, rtol=1e-6)
@@ -64,7 +63,7 @@ def test_a_cost_of_its_own_is_found(timings, name):
     # Costs of one image are drawn together where times tell little of each: of the change two
     # fifths come through for the worst, and all times are explained to 15 %.
     other = dataclasses.replace(DEFAULT, **{name: 4 * getattr(DEFAULT, name)})
-    found, predicted = measurement.solve(_as_if(timings, other))
+    found, predicted = costs.solve(_as_if(timings, other))
     ratios = {n: getattr(found, n) / v for n, v in dataclasses.asdict(DEFAULT).items()}
     assert ratios[name] > 1.6
     np.testing.assert_allclose(predicted, 1.0, atol=0.15)
@@ -72,7 +71,7 @@ def test_a_cost_of_its_own_is_found(timings, name):
 
 def test_the_command_writes_costs_that_plans_take(timings, tmp_path, monkeypatch, capsys,
                                                   make_case):
-    monkeypatch.setattr(measurement, 'measure', lambda name, progress: timings)
+    monkeypatch.setattr(costs, 'measure', lambda name, progress: timings)
     path = tmp_path / 'costs.json'
     assert command.main(['measure-costs', '--output', str(path)]) == 0
     told = capsys.readouterr().out

@@ -6,21 +6,163 @@ Run: sar-imaging convert bags/countryside scene.cphd --datum 47.0 8.0 450.0
 from __future__ import annotations
 
 import argparse
+import dataclasses
+import itertools
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from ...files import naming
+from ...formats import read_sicd, write_geotiff
+from ...formats.cphd import Collection, CphdReader, write_cphd
+from ...geometry.alignment import Alignment
+from ...geometry.earth import Datum
+from ...geometry.grids import MapGrid
+from ...geometry.illumination import Antenna
+from ...signal.positioning import PointingFinder, locate
+from ...signal.pulses import PulseBlock
 from ..ending import run_command
-from . import conversions
+from ..recordings.bag_io import BagError, check_target, read_blocks, read_poses, write_bag
+from ..recordings.recording import Recording, read_recording
+from ..recordings.truth import antenna_truth, make_truth
+from ..recordings.writing import split, with_progress
 from .kinds import CPHD, GEOTIFF, RECORDING, SICD, UnknownKindError, kind_of, kind_of_target
+
+_TOLD = ('collector_name', 'core_name', 'classification', 'release_info', 'mode_type')
+_PIXELS_PER_RESOLUTION = 2
+_CUT_RESOLUTIONS = 10.0  # half width of cuts through reflectors, in evaluations
+
+
+def recording_to_cphd(source: Path, target: Path, arguments: argparse.Namespace) -> str:
+    """All pulses of a recording as one CPHD file.
+
+    Raises
+    ------
+    BagError
+        The recording cannot be read, or does not state where it was made or what it shows.
+    CphdError
+        Its pulses are no CPHD.
+    """
+    recording = read_recording(source)
+    datum = datum_of(arguments) or recording.datum
+    if datum is None:
+        raise BagError(f'{source} does not state where on the Earth its frame stands; add --datum '
+                       'LATITUDE LONGITUDE HEIGHT')
+    with naming(source, 'cannot be converted', BagError):
+        collection = Collection(**(recording.truth or {}).get('collection', {}))
+        scene = _scene(arguments, recording)
+    blocks = _located(source, recording)
+    first = next(blocks)
+    antenna = recording.antenna and recording.antenna.amplitudes()
+    warning = '' if antenna is None or first.pointing is not None else (
+        '\nwarning: written without its antenna: pulses do not tell where it looked')
+    n = write_cphd(
+        target, with_progress(itertools.chain([first], blocks), len(recording.counter)), datum,
+        scene, collection=_named(collection, arguments),
+        domain=arguments.domain, sample_type=arguments.sample_type,
+        antenna=None if warning else antenna, overwrite=arguments.force)
+    return f'{target}: {n} pulses{warning}'
+
+
+def cphd_to_recording(source: Path, target: Path, arguments: argparse.Namespace) -> str:
+    """All pulses of a CPHD file as a recording of one aperture."""
+    check_target(target.resolve(), overwrite=arguments.force)
+    with _reader(source, arguments) as reader:
+        range_m, across_m = reader.resolution_m
+        collection = reader.collection
+        truth = make_truth(
+            scenario=collection.core_name, description=f'Pulses of {source.name}, CPHD',
+            scatterers=[], grid=reader.map_grid(), pulses_per_aperture=reader.n_vectors,
+            n_pulses=reader.n_pulses, n_channels=reader.n_channels,
+            cut_half_width_m=(_CUT_RESOLUTIONS * range_m, _CUT_RESOLUTIONS * across_m),
+            radar=reader.radar, compressed=reader.compressed, notes='; '.join(reader.warnings),
+            datum=reader.datum)
+        truth['collection'] = dataclasses.asdict(collection)
+        truth |= antenna_truth(reader.illumination and Antenna.of(reader.illumination))
+        messages = (message for block in reader.blocks() for message in split(block))
+        count = write_bag(target, with_progress(messages, reader.n_pulses), truth,
+                          overwrite=arguments.force)
+        return _report(target, f'{reader.n_pulses} pulses in {count} messages', reader)
+
+
+def cphd_to_cphd(source: Path, target: Path, arguments: argparse.Namespace) -> str:
+    """A CPHD file of other version, domain, type of samples, or names."""
+    with _reader(source, arguments) as reader:
+        write_cphd(target, with_progress(reader.blocks(), reader.n_pulses), reader.datum,
+                   reader.map_grid(), collection=_named(reader.collection, arguments),
+                   domain=arguments.domain, sample_type=arguments.sample_type,
+                   antenna=reader.illumination, overwrite=arguments.force)
+        return _report(target, f'{reader.n_pulses} pulses', reader)
+
+
+def sicd_to_geotiff(source: Path, target: Path, arguments: argparse.Namespace) -> str:
+    """A complex image on a level plane as the map of its levels, dB."""
+    if target.exists() and not arguments.force:
+        raise BagError(f'{target} exists already; choose another path or add --force')
+    product = read_sicd(source)
+    place = write_geotiff(target, product.image, datum_of(arguments) or product.datum)
+    return f'{target}: {product.image.shape[0]} by {product.image.shape[1]} pixels, {place.crs}'
+
+
+def datum_of(arguments: argparse.Namespace) -> Datum | None:
+    """Datum that was asked for.
+
+    Raises
+    ------
+    BagError
+        It has other than three or four numbers.
+    """
+    if arguments.datum is None:
+        return None
+    if len(arguments.datum) not in (3, 4):
+        raise BagError(f'--datum has {len(arguments.datum)} numbers; expected latitude, '
+                       'longitude, height and, optionally, heading')
+    return Datum(*arguments.datum)
+
+
+def _reader(source: Path, arguments: argparse.Namespace) -> CphdReader:
+    return CphdReader(source, datum=datum_of(arguments), channels=arguments.channels)
+
+
+def _report(target: Path, text: str, reader: CphdReader) -> str:
+    return '\n'.join([f'{target}: {text}', *(f'warning: {w}' for w in reader.warnings)])
+
+
+def _named(collection: Collection, arguments: argparse.Namespace) -> Collection:
+    given = {name: getattr(arguments, name) for name in _TOLD}
+    return dataclasses.replace(collection, **{k: v for k, v in given.items() if v is not None})
+
+
+def _scene(arguments: argparse.Namespace, recording: Recording) -> MapGrid:
+    if arguments.scene is not None:
+        x, y, z, width, height = arguments.scene
+        spacing = recording.radar.range_resolution_m / _PIXELS_PER_RESOLUTION
+        return MapGrid.from_size((x, y, z), width, height, spacing)
+    if recording.grid is None:
+        raise BagError(f'{recording.path} does not state what it shows; add --scene X Y Z WIDTH '
+                       'HEIGHT')
+    return recording.grid
+
+
+def _located(source: Path, recording: Recording) -> Iterator[PulseBlock]:
+    """Blocks of a recording, with phase centres and pointing from its poses where they lack."""
+    poses, mount = read_poses(source), recording.mount
+    by_attitude = mount is not None and mount.needs_attitude
+    finder = None if mount is None or by_attitude else PointingFinder(mount)
+    for block in read_blocks(source):
+        if not block.has_positions and poses is not None:
+            alignment = Alignment(**(recording.truth or {}).get('alignment', {}))
+            block = locate(block, poses.track(), alignment, mount if by_attitude else None)
+        yield block if finder is None else finder(block)
+
 
 #: What each pair of kinds is converted by: called with both paths and the arguments, returns what
 #: was written, as a line for people.
 CONVERSIONS: dict[tuple[str, str], Callable[[Path, Path, argparse.Namespace], str]] = {
-    (RECORDING, CPHD): conversions.recording_to_cphd,
-    (CPHD, RECORDING): conversions.cphd_to_recording,
-    (CPHD, CPHD): conversions.cphd_to_cphd,
-    (SICD, GEOTIFF): conversions.sicd_to_geotiff,
+    (RECORDING, CPHD): recording_to_cphd,
+    (CPHD, RECORDING): cphd_to_recording,
+    (CPHD, CPHD): cphd_to_cphd,
+    (SICD, GEOTIFF): sicd_to_geotiff,
 }
 
 _DESCRIPTION = """\

@@ -26,7 +26,7 @@ from ..ending import run_command
 from ..exchange.kinds import RECORDING, kind_of
 from ..recordings.bag_io import BagError, read_blocks, read_poses, read_truth
 from . import forming
-from .signal_figure import save_signal_png
+from .figures import save_signal_png
 from .sources import SourceError, open_source
 
 _MOST_BYTES = 512e6  # of samples that are looked at

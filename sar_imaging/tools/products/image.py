@@ -34,10 +34,9 @@ from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
 from ..ending import run_command
 from ..plots import save_image_png
 from . import brightness, forming, volume
-from .acquisition_figure import save_acquisition_png
-from .antenna import lit_acquisition
+from .figures import save_acquisition_png
 from .report import Section, write_report
-from .sources import Source, SourceError, open_source
+from .sources import Source, SourceError, lit_acquisition, open_source
 
 FORMATS = ('png', 'geotiff', 'sicd', 'kml', 'stac')
 FILES = {'png': 'image.png', 'geotiff': 'image.tif', 'sicd': 'image.nitf', 'kml': 'overlay.png',

@@ -8,20 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
-from sar_imaging.configuration.scene_grid import Coverage
-from sar_imaging.files import naming
-from sar_imaging.formats import Acquisition
-from sar_imaging.formats.acquisition import UNKNOWN
-from sar_imaging.formats.cphd import Collection, CphdReader
-from sar_imaging.geometry.alignment import Alignment
-from sar_imaging.geometry.earth import Datum
-from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.geometry.illumination import AntennaPattern
-from sar_imaging.signal.positioning import PointingFinder, locate, without_range_bias
-from sar_imaging.signal.pulses import PulseBlock, concatenate
-from sar_imaging.signal.radar import RadarParameters
-from sar_imaging.signal.range_compression import RangeCompressor
-
+from ...configuration.scene_grid import Coverage
+from ...files import naming
+from ...formats import Acquisition
+from ...formats.acquisition import UNKNOWN
+from ...formats.cphd import Collection, CphdReader
+from ...geometry.alignment import Alignment
+from ...geometry.earth import Datum
+from ...geometry.grids import MapGrid
+from ...geometry.illumination import AntennaPattern, Pointing
+from ...signal.positioning import PointingFinder, locate, without_range_bias
+from ...signal.pulses import PulseBlock, concatenate
+from ...signal.radar import RadarParameters
+from ...signal.range_compression import RangeCompressor
 from ..exchange.kinds import CPHD, RECORDING, kind_of
 from ..recordings.bag_io import BagError, deserialise, raw_messages, read_poses
 from ..recordings.recording import Recording, read_recording
@@ -389,3 +388,43 @@ def _chunks(blocks: Iterator[PulseBlock], n_bytes: float) -> Iterator[PulseBlock
         waiting.append(block)
     if waiting:
         yield concatenate(waiting)
+
+
+_BLOCK_BYTES = 1e8  # of samples that are read for their pointing
+
+
+def lit_acquisition(source: Source, looks: Pointing | None = None) -> Acquisition:
+    """Acquisition of a source, with its antenna where the file tells one.
+
+    `looks` is what `pointing_of` said, where that was asked before.
+    """
+    return dataclasses.replace(source.acquisition(), antenna=source.illumination,
+                               pointing=_by_time(source, looks or pointing_of(source)))
+
+
+def _by_time(source: Source, looks: Pointing | None) -> Pointing | None:
+    """Pointing in the order of an acquisition."""
+    return None if looks is None else looks.select(np.argsort(source.stamp_ns, kind='stable'))
+
+
+def pointing_of(source: Source) -> Pointing | None:
+    """Pointing of the pulses of a source, in the order of their counters.
+
+    None where the file tells no antenna. Its samples are read through once.
+
+    Raises
+    ------
+    SourceError
+        It tells an antenna, and some pulses do not tell where that looked.
+    """
+    if source.illumination is None:
+        return None
+    counters, parts = [], []
+    for block in source.read(_BLOCK_BYTES):
+        if block.pointing is None:
+            raise SourceError(f'{source.path} tells its antenna, and pulses do not tell where '
+                              'it looked; add their pointing, or the mount of the antenna, or '
+                              'leave the antenna out')
+        counters.append(block.counter)
+        parts.append(block.pointing)
+    return Pointing.join(parts).select(np.argsort(np.concatenate(counters), kind='stable'))

@@ -21,8 +21,8 @@ from sar_imaging.radiometry import RadarConstant
 from sar_imaging.radiometry.scale import RCS
 
 from . import brightness, forming
+from .figures import save_volume_png
 from .sources import Source, SourceError
-from .volume_figure import save_volume_png
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,9 +7,8 @@ import pytest
 
 from sar_imaging.backends import backend
 from sar_imaging.backends.cuda.costs import DEFAULT, VARIABLE, DeviceCosts, device_costs
-from sar_imaging.tools import measure_costs
-from sar_imaging.tools.costs import experiments, measurement
-from sar_imaging.tools.costs.scenes import Scene, Scenes
+from sar_imaging.tools import costs, measure_costs
+from sar_imaging.tools.costs import Scene, Scenes
 
 TINY = Scenes(lines=(Scene(1e4, 8, 8, 1),), points=(Scene(1e3, 4, 4, 1),), polar=(),
               afbp=((Scene(1e3, 16, 16, 4), 4),), transfers=(1 << 10,), varied=False)
@@ -17,9 +16,9 @@ TINY = Scenes(lines=(Scene(1e4, 8, 8, 1),), points=(Scene(1e3, 4, 4, 1),), polar
 
 @pytest.mark.campaign
 def test_the_command_writes_what_the_variable_names(tmp_path, monkeypatch, capsys):
-    measure = measurement.measure
-    monkeypatch.setattr(experiments, 'DEVICE', TINY)
-    monkeypatch.setattr(measurement, 'measure', lambda name, progress: measure(
+    measure = costs.measure
+    monkeypatch.setattr(costs, 'DEVICE', TINY)
+    monkeypatch.setattr(costs, 'measure', lambda name, progress: measure(
         name, rounds=1, least_s=0.0))
     path = tmp_path / 'device.json'
     assert measure_costs.main(['--device', '--output', str(path)]) == 0
@@ -38,11 +37,11 @@ def test_the_command_writes_what_the_variable_names(tmp_path, monkeypatch, capsy
 
 def test_times_of_known_costs_give_these_costs():
     """As if every experiment had taken three times what the estimates say."""
-    timings = [measurement.Timing(name, {name: 1e3}, 3e-6 * value)
+    timings = [costs.Timing(name, {name: 1e3}, 3e-6 * value)
                for name, value in dataclasses.asdict(DEFAULT).items() if name != 'subaperture']
-    for name in (measurement.IMAGE_OVERHEAD, measurement.FUSION_OVERHEAD):
-        timings.append(measurement.Timing(name, {name: 1e3}, 1.5e-6 * DEFAULT.subaperture))
-    found, predicted = measurement.solve(timings, DEFAULT)
+    for name in (costs.IMAGE_OVERHEAD, costs.FUSION_OVERHEAD):
+        timings.append(costs.Timing(name, {name: 1e3}, 1.5e-6 * DEFAULT.subaperture))
+    found, predicted = costs.solve(timings, DEFAULT)
     assert isinstance(found, DeviceCosts)
     assert predicted == pytest.approx(1.0)
     for name, value in dataclasses.asdict(DEFAULT).items():

@@ -34,7 +34,7 @@ from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
 from sar_imaging.tools.node_processes import NODES, PIPELINE
 from sar_imaging.tools.recordings import bag_io
-from sar_imaging.tools.recordings.recorded_poses import odometry_messages
+from sar_imaging.tools.recordings.bag_io import odometry_messages
 from sar_imaging.tools.recordings.writing import split
 
 LENGTH = 128

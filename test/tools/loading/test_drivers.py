@@ -35,7 +35,7 @@ from sar_imaging.loading.frames import FrameConverter
 from sar_imaging.loading.samples import KEYS
 from sar_imaging.signal.radar import Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.tools.loading.bag_frames import read_bag_frames
+from sar_imaging.tools.loading.bags import read_bag_frames
 from sar_imaging.tools.loading.load import main
 from sar_imaging.tools.recordings.bag_io import read_truth
 
@@ -62,7 +62,7 @@ def prepare(folder, sent, ros1=False, messages=None, **changes):
 
 
 def loaded(path, **options):
-    from sar_imaging.tools.loading.bag_poses import read_bag_poses
+    from sar_imaging.tools.loading.bags import read_bag_poses
     return load(path, read_bag=read_bag_poses, read_frames=read_bag_frames, **options)
 
 

@@ -12,7 +12,7 @@ from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.simulation.echoes import EchoSimulator
 from sar_imaging.tools import command
-from sar_imaging.tools.loading.bag_poses import read_bag_poses
+from sar_imaging.tools.loading.bags import read_bag_poses
 from sar_imaging.tools.loading.load import main
 from sar_imaging.tools.recordings.bag_io import BagError, read_blocks, read_poses, read_truth
 

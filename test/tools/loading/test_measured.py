@@ -18,7 +18,7 @@ from sar_imaging.loading import load
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.tools.loading import load as command
-from sar_imaging.tools.loading.estimate import EXPECTED_ERROR, estimate_alignment
+from sar_imaging.tools.loading.load import EXPECTED_ERROR, estimate_alignment
 from sar_imaging.tools.recordings.bag_io import pose_messages, raw_messages
 
 DATA = pathlib.Path(__file__).parents[4] / 'shared' / 'data'

@@ -19,7 +19,7 @@ from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality import error_db, measure_scatterer
 from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
 from sar_imaging.tools.products import sources
-from sar_imaging.tools.products.acquisition_figure import save_acquisition_png
+from sar_imaging.tools.products.figures import save_acquisition_png
 
 DATUM = Datum(47.3, 8.5, 430.0, 20.0)  # of the CPHD file
 GOTCHA = pathlib.Path(__file__).parents[4] / 'shared' / 'data' / 'gotcha_pass1_hh'

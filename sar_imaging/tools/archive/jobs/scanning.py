@@ -18,8 +18,7 @@ from ....formats.cphd import CphdError
 from ....geometry.earth import Datum
 from ....radiometry import BrightnessScale, KnotResponse
 from ...exchange.kinds import UnknownKindError
-from ...products.antenna import pointing_of
-from ...products.sources import Source, SourceError, open_apertures
+from ...products.sources import Source, SourceError, open_apertures, pointing_of
 from ...recordings.bag_io import BagError
 from .apertures import Pulses, UndividableError, divide_aperture, surface_points
 from .job import Job

@@ -1,17 +1,21 @@
-"""Poses from ROS bags, of ROS 1 or 2, by the fields of their messages."""
+"""Raw radar messages and poses from ROS bags, of ROS 1 or 2, by the definitions in the bag."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from tqdm import tqdm
 
-from sar_imaging.files import naming
-from sar_imaging.geometry.poses import PoseTable
-from sar_imaging.loading import DescriptionError
+from msg_conversions.radar_frames import FRAME_TYPES, INFO_TYPES, read_frame, read_info, short_name
 
+from ...files import naming
+from ...geometry.poses import PoseTable
+from ...loading import DescriptionError
+from ...loading.frames import FrameError
+from ...names import advice_on
 from ..recordings.bag_files import check_bag, checked
 from ..recordings.bag_io import BagError
 
@@ -89,3 +93,54 @@ def read_bag_poses(path: Path, topic: str | None = None) -> PoseTable:
             quaternion.append([turn.x, turn.y, turn.z, turn.w])
     return PoseTable(np.array(stamp, np.int64), np.array(position, float).reshape(-1, 3),
                      np.array(quaternion, float).reshape(-1, 4))
+
+
+def read_bag_frames(path: Path, topic: str, sizes: Mapping[str, int],
+                    axes: Sequence[str] | None) -> Iterator[tuple[object, int]]:
+    """Frames of a topic, after the numbers of all messages that describe a radar.
+
+    Parameters
+    ----------
+    path : Path
+        ROS 1 file, or folder of a ROS 2 bag.
+    topic : str
+        With raw messages.
+    sizes, axes
+        See `msg_conversions.radar_frames.read_frame`.
+
+    Yields
+    ------
+    item : RawFrame, mapping or FrameError
+        Frame, numbers of the radar, or why a message holds no frame.
+    received_ns : int
+        When it was recorded, nanoseconds.
+
+    Raises
+    ------
+    DescriptionError
+        The bag has no such topic of a known type.
+    BagError
+        It cannot be read.
+    """
+    with open_bag(path) as bag:
+        frames = [c for c in bag.connections
+                  if c.topic == topic and short_name(c.msgtype) in FRAME_TYPES]
+        if not frames:
+            present = ', '.join(sorted(f'{c.topic} ({c.msgtype})' for c in bag.connections))
+            raw = [c.topic for c in bag.connections if short_name(c.msgtype) in FRAME_TYPES]
+            raise DescriptionError(
+                f'samples.topic: {Path(path).name} has no topic {topic} of a type '
+                f'{", ".join(FRAME_TYPES)}; it has {present or "no topic"}'
+                + (f': {advice_on(topic, raw)}' if raw else ''))
+        infos = [c for c in bag.connections if short_name(c.msgtype) in INFO_TYPES]
+        told = bag.messages(connections=infos) if infos else ()
+        for connection, time_ns, raw in checked(told):
+            yield read_info(bag.deserialize(raw, connection.msgtype), connection.msgtype), time_ns
+        with tqdm(total=sum(c.msgcount for c in frames), unit='frame', disable=None) as bar:
+            for connection, time_ns, raw in checked(bag.messages(connections=frames)):
+                try:
+                    message = bag.deserialize(raw, connection.msgtype)
+                    yield read_frame(message, connection.msgtype, sizes, axes), time_ns
+                except FrameError as error:
+                    yield error, time_ns
+                bar.update(1)

@@ -1,29 +1,137 @@
-"""Small images whose times show the costs of operations: pairs that differ in one count."""
+"""Costs of the operations of imaging on this machine: of its processor, or of a CUDA device.
+
+Small images show them by their times, in pairs that differ in one count. Their samples are noise,
+since no time depends on them. Costs are fitted to the times, taken on one thread or a device.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Iterator, Mapping
+import statistics
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
+import scipy.optimize
+from tqdm import tqdm
 
-from sar_imaging.backends import CUDA, backend
-from sar_imaging.device_arrays import alike, zeros_beside
-from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
-from sar_imaging.imaging.imager import plan_image
-from sar_imaging.memory import check_memory
-from sar_imaging.planning.afbp.beams import BeamSampling
-from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
-from sar_imaging.planning.afbp.lit_subapertures import LitSubapertures
-from sar_imaging.planning.afbp.plan import AfbpPlan, plan_afbp
-from sar_imaging.planning.costs import DEFAULT, using
-from sar_imaging.planning.exact.backprojection import BackprojectionPlan, plan_backprojection
-from sar_imaging.planning.exact.polar_image import plan_polar
-from sar_imaging.planning.lit_pairs import LEAST_DB
-from sar_imaging.signal.pulses import PulseBlock
-from sar_imaging.tools.costs.scenes import DEVICE, PROCESSOR, Scene, Scenes
+from ..backends import CUDA, backend
+from ..compilation import numba
+from ..device_arrays import alike, zeros_beside
+from ..geometry.grids import MapGrid
+from ..geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
+from ..imaging.imager import plan_image
+from ..memory import check_memory
+from ..planning.afbp.beams import BeamSampling
+from ..planning.afbp.edge_brightness import EdgeBrightness
+from ..planning.afbp.lit_subapertures import LitSubapertures
+from ..planning.afbp.plan import AfbpPlan, plan_afbp
+from ..planning.costs import DEFAULT, CostModel, using
+from ..planning.exact.backprojection import BackprojectionPlan, plan_backprojection
+from ..planning.exact.polar_image import plan_polar
+from ..planning.lit_pairs import LEAST_DB
+from ..signal.pulses import PulseBlock
+from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
+
+_CARRIER_HZ, _OVERSAMPLING, _BEYOND = 10e9, 1.4, 160
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """Map beside a straight track, and pulses of noise.
+
+    Attributes
+    ----------
+    range_m : float
+        From the middle of the track to that of the map, metres.
+    n_x, n_y : int
+        Pixels of the map.
+    n_pulses : int
+        Pulses.
+    spacing_m : float
+        Of the pixels; range resolution and aperture resolve 0.5 m.
+    n_channels : int
+        Channels, in one place.
+    """
+
+    range_m: float
+    n_x: int
+    n_y: int
+    n_pulses: int
+    spacing_m: float = 0.25
+    n_channels: int = 1
+
+    @property
+    def grid(self) -> MapGrid:
+        """The map."""
+        return MapGrid((0.0, 0.0, 0.0), self.n_x, self.n_y, self.spacing_m)
+
+    def block(self) -> PulseBlock:
+        """The pulses, range profiles."""
+        aperture = SPEED_OF_LIGHT / _CARRIER_HZ * self.range_m
+        tx = np.zeros((self.n_pulses, self.n_channels, 3))
+        tx[..., 0] = -self.range_m
+        tx[..., 1] = np.linspace(-0.5, 0.5, self.n_pulses)[:, None] * aperture
+        far = self.spacing_m * math.hypot(self.n_x, self.n_y) / 2
+        rate = _OVERSAMPLING * SPEED_OF_LIGHT
+        spacing = SPEED_OF_LIGHT / (2 * rate)
+        n_samples = math.ceil(2 * far / spacing) + 2 * _BEYOND
+        start = self.range_m - far - _BEYOND * spacing
+        radar = RadarParameters(_CARRIER_HZ, SPEED_OF_LIGHT, rate, 2 * start / SPEED_OF_LIGHT)
+        rng = np.random.default_rng(0)
+        samples = rng.standard_normal((*tx.shape[:2], 2 * n_samples), np.float32)
+        number = np.arange(self.n_pulses)
+        return PulseBlock(radar, True, number, number, samples.view(np.complex64), tx, tx.copy())
+
+
+@dataclasses.dataclass(frozen=True)
+class Scenes:
+    """Scenes by what is timed with them.
+
+    Attributes
+    ----------
+    lines, points, polar : tuple of Scene
+        Of exact images.
+    afbp : tuple of (Scene, int)
+        And the lengths of their sub-apertures.
+    ffbp : tuple of Scene
+        With each kernel; empty where that is not offered.
+    transfers : tuple of int
+        Bytes that are copied to a device and back.
+    varied : bool
+        Segments of lines and beams are also changed, number by number.
+    """
+
+    lines: tuple[Scene, ...]
+    points: tuple[Scene, ...]
+    polar: tuple[Scene, ...]
+    afbp: tuple[tuple[Scene, int], ...]
+    ffbp: tuple[Scene, ...] = ()
+    transfers: tuple[int, ...] = ()
+    varied: bool = True
+
+
+#: Half a minute on one thread.
+PROCESSOR = Scenes(
+    lines=(Scene(1e4, 512, 512, 48), Scene(1e4, 2048, 8, 64), Scene(1e4, 2048, 8, 64, 0.06),
+           Scene(1e4, 48, 48, 4)),
+    points=(Scene(1e3, 256, 256, 48), Scene(1e3, 1024, 8, 64)),
+    polar=(Scene(1e3, 384, 384, 192), Scene(1e3, 96, 96, 192)),
+    afbp=((Scene(1e3, 64, 1024, 1024, n_channels=4), 96), (Scene(1e3, 1024, 1024, 1024), 24),
+          (Scene(3e3, 2048, 2048, 2048), 128)),
+    ffbp=(Scene(1e3, 256, 256, 512), Scene(1e3, 768, 768, 32)))
+#: Enough work that a device is busy: images of 1 to 100 ms.
+DEVICE = Scenes(
+    lines=(Scene(1e4, 2048, 2048, 256), Scene(1e4, 8192, 32, 1024),
+           Scene(1e4, 8192, 32, 1024, 0.06), Scene(1e4, 48, 48, 4)),
+    points=(Scene(1e3, 1024, 1024, 256), Scene(1e3, 4096, 32, 512)),
+    polar=(Scene(1e3, 1536, 1536, 768), Scene(1e3, 384, 384, 768)),
+    afbp=((Scene(1e3, 64, 1024, 1024, n_channels=4), 96), (Scene(1e3, 1024, 1024, 1024), 24),
+          (Scene(3e3, 4096, 4096, 4096), 128)),
+    transfers=(1 << 16, 1 << 26))
+
 
 # Overheads of a sub-aperture are told apart; the model has their sum.
 IMAGE_OVERHEAD, FUSION_OVERHEAD = 'subaperture, its image', 'subaperture, its fusion'
@@ -267,3 +375,112 @@ def _planned(scene: Scene, **costs) -> tuple[BackprojectionPlan, PulseBlock]:
 def _noise(n_lines: int, n_pixels: int) -> np.ndarray:
     """(2, n_lines, n_pixels) float32."""
     return np.random.default_rng(0).standard_normal((2, n_lines, n_pixels), np.float32)
+
+
+_ROUNDS, _LEAST_S = 7, 0.2  # of each experiment
+_FURTHEST = 50.0  # from the default, a factor
+# Weight of an equation that a cost has the common ratio to its default, which holds where times
+# tell nothing of it
+_COMMON = 0.1
+
+
+@dataclasses.dataclass(frozen=True)
+class Timing:
+    """How long an experiment took.
+
+    Attributes
+    ----------
+    name : str
+        What it was.
+    operations : mapping of str to float
+        How often it did each operation.
+    seconds : float
+        Median of the rounds.
+    """
+
+    name: str
+    operations: Mapping[str, float]
+    seconds: float
+
+
+def measure(name: str = 'cpu', *, rounds: int = _ROUNDS, least_s: float = _LEAST_S,
+            progress: bool = False, scenes: Scenes | None = None) -> list[Timing]:
+    """Time all experiments, on one thread or on a device.
+
+    Times of a processor are its own: what else it does in the meantime is not counted, though it
+    takes from the cache. Those of a device end when it is done with all it was given.
+
+    Parameters
+    ----------
+    name : str
+        Backend, ``'cpu'`` or ``'cuda'``.
+    rounds : int
+        Of each experiment, at least, after one that compiles and fetches memory.
+    least_s : float
+        Rounds take as long together, at least, seconds.
+    progress : bool
+        Show a progress bar on standard error.
+    scenes : Scenes, optional
+        As for `experiments`.
+
+    Raises
+    ------
+    DeviceError
+        There is no device that works, or it fails.
+    """
+    clock = time.perf_counter if name == CUDA else time.process_time
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        return [_timed(experiment, rounds, least_s, clock) for experiment in
+                tqdm(experiments(name, scenes), desc='experiments', unit='', disable=not progress)]
+    finally:
+        numba.set_num_threads(threads)
+
+
+def _timed(experiment: Experiment, rounds: int, least_s: float,
+           clock: Callable[[], float]) -> Timing:
+    experiment.run()
+    seconds: list[float] = []
+    while len(seconds) < rounds or sum(seconds) < least_s:
+        begin = clock()
+        experiment.run()
+        seconds.append(clock() - begin)
+    return Timing(experiment.name, experiment.operations, statistics.median(seconds))
+
+
+def solve(timings: Sequence[Timing], usual: CostModel = DEFAULT
+          ) -> tuple[CostModel, np.ndarray]:
+    """Costs with which predicted times are nearest to measured ones.
+
+    Least squares of the relative errors, ``sum_i (sum_f n_if c_f / t_i - 1)^2``: the costs c_f are
+    positive, and within a factor of 50 of the default.
+
+    Parameters
+    ----------
+    timings : sequence of Timing
+        Of all experiments.
+    usual : CostModel
+        The default: of the processor, or of a device.
+
+    Returns
+    -------
+    model : CostModel
+    predicted : (len(timings),) float64
+        Predicted times over measured ones.
+    """
+    kind, usual = type(usual), dataclasses.asdict(usual)
+    overhead = usual.pop('subaperture')
+    usual |= dict.fromkeys((IMAGE_OVERHEAD, FUSION_OVERHEAD), overhead / 2)
+    counts = np.array([[t.operations.get(name, 0.0) for name in usual] for t in timings])
+    shares = 1e-9 * counts * list(usual.values()) / np.array([[t.seconds] for t in timings])
+    n = len(usual)
+    # Unknown are the ratios to the defaults, and last the one that they have in common.
+    equations = np.vstack([np.c_[shares, np.zeros(len(timings))],
+                           _COMMON * np.c_[np.eye(n), -np.ones(n)]])
+    right = np.r_[np.ones(len(timings)), np.zeros(n)]
+    ratios = scipy.optimize.lsq_linear(equations, right, (1 / _FURTHEST, _FURTHEST)).x[:n]
+    found = {name: float(ratio * value)
+             for ratio, (name, value) in zip(ratios, usual.items(), strict=True)}
+    found['subaperture'] = found.pop(IMAGE_OVERHEAD) + found.pop(FUSION_OVERHEAD)
+    return kind(**found), shares @ ratios
