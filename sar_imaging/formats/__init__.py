@@ -4,8 +4,7 @@
 - `geotiff`: maps for geographic information systems, and complex images on them;
 - `quicklook`: PNG with a world file, and an overlay for globes;
 - `stac`: items of catalogues;
-- `points`: detections as GeoJSON and CSV;
-- `ply`: point clouds;
+- `points`: detections as GeoJSON and CSV, and point clouds as PLY;
 - `acquisition`: radar and track of an image, without its samples.
 
 The libraries that read and write them are an extra, ``pip install sar_imaging[formats]``. They
@@ -15,8 +14,7 @@ load when a file is written or read, not before, and nothing else in the package
 from .acquisition import Acquisition, ImageProduct
 from .extras import MissingExtraError, require
 from .geotiff import read_geotiff, write_geotiff
-from .ply import write_ply
-from .points import write_points
+from .points import write_ply, write_points
 from .quicklook import write_quicklook
 from .sicd import read_sicd, sicd_grid, write_sicd
 from .stac import write_stac_item

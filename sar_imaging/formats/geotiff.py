@@ -1,24 +1,291 @@
-"""Images to cloud-optimised GeoTIFF and back."""
+"""Images, and bands such as coherence and height, to cloud-optimised GeoTIFF and back.
+
+`write_cog` takes whole bands, or window by window what is larger than memory.
+
+Images are interpolated to the pixels of a map projection within the band that they have. From
+pixel to pixel the carrier turns many times, so it is taken out first, ``exp(-j k_c D)`` with the
+half path D of the middle of the aperture. What is left is band-limited about zero; it is
+interpolated (Yen 1956, see `sar_imaging.quality.interpolation`), and the carrier of the new place
+is put back.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy import ndimage
 
-from ..files import reading
-from ..geometry.earth import Datum
-from ..geometry.grids import PointGrid
+from ..files import reading, replacing
+from ..geometry.earth import SEMI_MAJOR_M, Datum
+from ..geometry.grids import PointGrid, TerrainGrid
 from ..imaging.image import Image
 from ..numpy_files import check_memory
+from ..quality.interpolation import interpolate_image
 from .acquisition import Acquisition, ImageProduct
-from .decibels import decibels, grey_levels, limits_db
 from .extras import require
-from .georeference import TOLERANCE_M, Georeference, georeference, named_crs, utm_crs
-from .raster import write_cog
-from .resampling import MapPixels, covering_pixels, resample
+from .georeference import (
+    TOLERANCE_M,
+    Georeference,
+    from_map,
+    georeference,
+    named_crs,
+    to_map,
+    utm_crs,
+)
+from .quicklook import decibels, grey_levels, limits_db
 from .tags import image_from_text, image_to_text, quantity_of, told_of
+
+_CACHE_BYTES = 1 << 27  # of GDAL's blocks, for bands larger than memory
+_BLOCK = 512  # sides of the file's tiles, pixels
+
+
+def write_raster(path: os.PathLike | str, bands: Mapping[str, np.ndarray], grid, datum: Datum, *,
+                 crs=None) -> Georeference:
+    """Write values on a map as float32 bands of one file.
+
+    Parameters
+    ----------
+    path : path
+        File to write, such as ``comparison.tif``; complete or absent.
+    bands : mapping of str to (n_y, n_x) array
+        Real values by the name of their band; NaN where there are none.
+    grid : MapGrid, TerrainGrid or level PlaneGrid
+        Where the pixels are.
+    datum : Datum
+        Place of the imaging frame on the Earth.
+    crs : optional
+        As in `write_geotiff`.
+
+    Returns
+    -------
+    Georeference
+        Projection, transform and its error.
+
+    Raises
+    ------
+    ValueError
+        A band has not the shape of the grid, or the grid is no map or too large for one affine
+        transform.
+    MissingExtraError
+        rasterio or pyproj is not installed.
+    """
+    for name, values in bands.items():
+        if np.shape(values) != grid.shape:
+            raise ValueError(f'band {name!r} has the shape {np.shape(values)}, its grid '
+                             f'{grid.shape}')
+    place = georeference(grid, datum, crs)
+    if place.error_m > TOLERANCE_M:
+        raise ValueError(f'in {place.crs.name} pixels would lie up to {place.error_m:.3g} m from '
+                         f'their places; {TOLERANCE_M} m are allowed: write smaller pieces')
+    write_cog(path, np.stack([np.asarray(values, np.float32) for values in bands.values()]), place,
+              names=tuple(bands), nodata=float('nan'))
+    return place
+
+
+def write_cog(path: os.PathLike | str, values, place: Georeference, *,
+              shape: tuple[int, int] | None = None, dtype=None, names: Sequence[str] = ('',),
+              units: Sequence[str] = (), nodata: float | None = None,
+              tags: Mapping[str, str] | None = None, overviews: str = 'NEAREST') -> None:
+    """Write bands, whole ones or window by window in some 300 MB of memory whatever their size.
+
+    Beside the file stands one without compression meanwhile, so that twice its size and more is
+    needed on the disk.
+
+    Parameters
+    ----------
+    path : path
+        File to write, complete or absent; BigTIFF where it has to be.
+    values : array, or iterable of ((slice, slice), array)
+        (rows, columns) or (bands, rows, columns); or windows: rows and columns, and their values.
+        Pixels of no window hold `nodata`, or 0.
+    place : Georeference
+        Projection and transform.
+    shape : (int, int)
+        Rows and columns of all windows.
+    dtype : dtype
+        Of the values of windows, which GDAL knows.
+    names, units : sequence of str
+        Of the bands, whose number the names tell.
+    nodata : float, optional
+        Value that stands for nothing.
+    tags : mapping of str to str, optional
+        Metadata of the file.
+    overviews : str
+        How GDAL makes the smaller images, such as ``'AVERAGE'``.
+
+    Raises
+    ------
+    MissingExtraError
+        rasterio is not installed.
+    """
+    rasterio = require('rasterio', 'writing GeoTIFF')
+    shutil = require('rasterio.shutil', 'writing GeoTIFF')
+    if isinstance(values, np.ndarray):
+        shape, dtype = values.shape[-2:], values.dtype
+        values = [((slice(0, shape[0]), slice(0, shape[1])), values)]
+    dtype = np.dtype(dtype)
+    profile = dict(driver='GTiff', height=shape[0], width=shape[1], count=len(names), dtype=dtype,
+                   crs=place.crs.to_wkt(), nodata=nodata, tiled=True, blockxsize=_BLOCK,
+                   blockysize=_BLOCK, BIGTIFF='YES', SPARSE_OK='TRUE',
+                   transform=rasterio.transform.Affine(*place.corner_affine.ravel()))
+    predictor = {'f': '3', 'u': '2', 'i': '2'}.get(dtype.kind, 'NO')
+    with replacing(path) as part, rasterio.Env(GDAL_CACHEMAX=_CACHE_BYTES, GDAL_NUM_THREADS='1'):
+        plain = part.with_name(f'{part.name}.plain')
+        with rasterio.open(plain, 'w', **profile) as file:
+            for (rows, columns), own in values:
+                height, width = own.shape[-2:]
+                file.write(np.asarray(own, dtype).reshape(-1, height, width),
+                           window=rasterio.windows.Window(columns.start, rows.start, width,
+                                                          height))
+            for number, name in enumerate(names, 1):
+                file.set_band_description(number, name)
+            if units:
+                file.units = list(units)
+            file.update_tags(**(tags or {}))
+        shutil.copy(plain, part, driver='COG', COMPRESS='DEFLATE', LEVEL='1',
+                    BIGTIFF='IF_SAFER', PREDICTOR=predictor, RESAMPLING=overviews,
+                    SPARSE_OK='TRUE')
+
+
+_ROUNDS = 3  # that find the point of the plane over a place; each gains two digits or more
+_MOST_PIXELS = 40  # for each of the image; a narrow one that lies askew needs some
+_PIXELS_AT_ONCE = 1 << 17  # pixels at a time
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MapPixels:
+    """Square pixels of a map projection, row 0 in the north.
+
+    Attributes
+    ----------
+    crs : pyproj.CRS
+        The projection.
+    affine : (2, 3) float64
+        Takes ``(column, row, 1)`` of a pixel's middle to easting and northing.
+    shape : (2,) int
+        Rows and columns.
+    """
+
+    crs: object
+    affine: np.ndarray
+    shape: tuple[int, int]
+
+    def points(self, grid, datum: Datum, row, column) -> np.ndarray:
+        """(..., 3) places on the surface of a grid that lie over pixels, imaging frame, metres."""
+        index = np.stack([*np.broadcast_arrays(column, row), np.ones(np.shape(row))])
+        east, north = np.tensordot(self.affine, index, 1)
+        latitude, longitude = from_map(self.crs, east, north)
+        height = np.full(np.shape(east), datum.height_m)
+        for _ in range(_ROUNDS):
+            points = datum.from_geographic(latitude, longitude, height)
+            height = height + _surface(grid, points) - points[..., 2]
+        return datum.from_geographic(latitude, longitude, height)
+
+
+def covering_pixels(grid, datum: Datum, crs, spacing_m: float) -> MapPixels:
+    """Pixels of a projection that cover an image.
+
+    Their edges are multiples of the spacing, so that images beside each other share pixels.
+
+    Raises
+    ------
+    ValueError
+        The edge of the map runs through the image, or the map is stretched there.
+    """
+    rows, columns = grid.shape
+    row, column = np.meshgrid(np.linspace(-0.5, rows - 0.5, 17),
+                              np.linspace(-0.5, columns - 0.5, 17), indexing='ij')
+    flat = getattr(grid, 'map_grid', grid)
+    step = flat.steps_m
+    edge = np.array(flat.origin_m) + row[..., None] * step[0] + column[..., None] * step[1]
+    latitude, longitude, _ = datum.to_geographic(edge)
+    east, north = to_map(crs, latitude, longitude)
+    spacing = np.full(2, spacing_m)
+    if crs.is_geographic:
+        spacing = np.degrees(spacing_m / SEMI_MAJOR_M) / np.array(
+            [np.cos(np.radians(latitude.mean())), 1.0])
+    low = np.floor(np.array([east.min(), north.min()]) / spacing).astype(int)
+    high = np.ceil(np.array([east.max(), north.max()]) / spacing).astype(int)
+    affine = np.array([[spacing[0], 0.0, (low[0] + 0.5) * spacing[0]],
+                       [0.0, -spacing[1], (high[1] - 0.5) * spacing[1]]])
+    shape = (int(high[1] - low[1]), int(high[0] - low[0]))
+    if math.prod(shape) > _MOST_PIXELS * (math.prod(grid.shape) + 1000):
+        raise ValueError(f'in {crs.name} the image would need {shape[0]} by {shape[1]} pixels, '
+                         f'here it has {grid.shape[0]} by {grid.shape[1]}: it lies on the edge '
+                         'of this map, or far outside; choose another CRS')
+    return MapPixels(crs, affine, shape)
+
+
+def resample(image: Image, datum: Datum, acquisition: Acquisition,
+             pixels: MapPixels) -> np.ndarray:
+    """Samples of an image at the pixels of a map.
+
+    Parameters
+    ----------
+    image : Image
+        On a map, on terrain, or on a level plane; sampled at 1.25 times its bandwidth or more.
+    datum : Datum
+        Of its frame.
+    acquisition : Acquisition
+        Of its pulses.
+    pixels : MapPixels
+        Where samples are wanted.
+
+    Returns
+    -------
+    (rows, columns) complex64
+        With the carrier, as backprojection onto these pixels gives; 0 outside the image.
+    """
+    grid = image.grid
+    baseband = np.empty(grid.shape, np.complex64)
+    columns = np.arange(grid.shape[1])
+    for first in range(0, grid.shape[0], max(1, _PIXELS_AT_ONCE // grid.shape[1])):
+        rows = np.arange(first, min(first + max(1, _PIXELS_AT_ONCE // grid.shape[1]),
+                                    grid.shape[0]))
+        carrier = _carrier(acquisition, grid.positions(rows[:, None], columns))
+        baseband[rows] = image.samples[rows] * carrier.conj()
+    out = np.zeros(pixels.shape, np.complex64)
+    for first in range(0, out.size, _PIXELS_AT_ONCE):
+        last = min(first + _PIXELS_AT_ONCE, out.size)
+        row, column = np.divmod(np.arange(first, last), out.shape[1])
+        points = pixels.points(grid, datum, row, column)
+        at = _index(grid, points)
+        inside = ((at >= 0) & (at <= np.array(grid.shape) - 1)).all(axis=-1)
+        values = interpolate_image(baseband, *at[inside].T)
+        out[row[inside], column[inside]] = values * _carrier(acquisition, points[inside])
+    return out
+
+
+def _carrier(acquisition: Acquisition, points: np.ndarray) -> np.ndarray:
+    """``exp(+j k_c D)`` of the middle of the aperture, complex128; 1 where a place is unknown."""
+    middle = acquisition.n_pulses // 2
+    path = sum(np.linalg.norm(points - centre[middle], axis=-1)
+               for centre in (acquisition.tx_m, acquisition.rx_m))
+    cycles = path / acquisition.radar.wavelength_m
+    return np.exp(2j * np.pi * np.nan_to_num(cycles - np.round(cycles)))
+
+
+def _index(grid, points: np.ndarray) -> np.ndarray:
+    """(..., 2) fractional row and column of places, found in the horizontal."""
+    flat = getattr(grid, 'map_grid', grid)
+    offset = points[..., :2] - np.array(flat.origin_m)[:2]
+    return offset @ np.linalg.inv(flat.steps_m[:, :2])
+
+
+def _surface(grid, points: np.ndarray) -> np.ndarray:
+    """Height z of the plane or of the terrain under places; of the nearest known edge outside."""
+    if isinstance(grid, TerrainGrid):
+        heights = np.nan_to_num(grid.height_m, nan=float(np.nanmean(grid.height_m)))
+        at = np.moveaxis(_index(grid, points), -1, 0)
+        return ndimage.map_coordinates(heights, at, order=1, mode='nearest')
+    normal = np.cross(*grid.steps_m)
+    offset = points - np.array(grid.origin_m)
+    return grid.origin_m[2] - (offset[..., :2] @ normal[:2]) / normal[2]
+
 
 COMPLEX, DECIBELS, QUICKLOOK = CONTENTS = 'complex', 'decibels', 'quicklook'
 _LARGEST_RATIO = 1032  # of what DEFLATE compresses

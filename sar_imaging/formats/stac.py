@@ -17,8 +17,7 @@ from ..imaging.image import Image
 from .acquisition import UNKNOWN, Acquisition
 from .extras import require
 from .quicklook import image_corners
-from .sicd.grid import sicd_axes
-from .sicd.spectrum import support
+from .sicd.grid import sicd_axes, support
 
 SAR = 'https://stac-extensions.github.io/sar/v1.3.0/schema.json'
 PROJECTION = 'https://stac-extensions.github.io/projection/v2.0.0/schema.json'

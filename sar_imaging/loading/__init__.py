@@ -4,9 +4,8 @@
 """
 
 from ..geometry.poses import PoseTable
-from .description import DescriptionError, read_description
+from .description import DescriptionError, find_description, read_description, shipped_names
 from .load import Loaded, load
-from .shipped import find_description, shipped_names
 
 __all__ = ['DescriptionError', 'Loaded', 'PoseTable', 'find_description', 'load',
            'read_description', 'shipped_names']

@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 from ..files import reading
 from ..geometry.poses import PoseTable
 from ..numpy_files import check_memory
+from .data_files import DataFiles, numbers, read_table
 from .description import DescriptionError, Section
-from .files.data_files import DataFiles, numbers, read_table
 from .times import to_nanoseconds
 from .tracks import FRAMES, TO_Z_UP, read_unit
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..names import advice_on
 from ..numpy_files import check_memory
+from .data_files import DataFiles
 from .description import DescriptionError, Section
-from .files.data_files import DataFiles
 
 KEYS = ('file', 'variable', 'axes', 'iq', 'conjugate', 'scale', 'remove_background', 'dtype',
         'sizes', 'header_bytes', 'sha256', 'topic')

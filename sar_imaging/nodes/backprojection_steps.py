@@ -11,7 +11,7 @@ import numpy as np
 from sar_imaging.backends import compile_beforehand
 from sar_imaging.configuration.startup import TrackWarnings, report_block, settings_of
 from sar_imaging.exploitation.obstacles.aperture_view import PulseTracks
-from sar_imaging.formats.recent_pulses import RecentPulses
+from sar_imaging.formats.acquisition import RecentPulses
 from sar_imaging.geometry.grids import TerrainGrid
 from sar_imaging.imaging.image import Image, Report, error_in_words
 from sar_imaging.imaging.methods import EXACT

@@ -11,7 +11,7 @@ from sar_imaging.geometry.earth import Datum
 rasterio = pytest.importorskip('rasterio', reason='the extra formats is not installed')
 pyproj = pytest.importorskip('pyproj', reason='the extra formats is not installed')
 
-from sar_imaging.formats.raster import write_raster  # noqa: E402
+from sar_imaging.formats.geotiff import write_raster  # noqa: E402
 
 GRID = MapGrid((5.0, -3.0, 2.0), 37, 21, 0.5)
 DATUM = Datum(47.0, 8.0, 400.0, 33.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.formats import Acquisition
-from sar_imaging.formats.recent_pulses import RecentPulses
+from sar_imaging.formats.acquisition import RecentPulses
 from sar_imaging.signal.pulses import concatenate
 
 

@@ -10,9 +10,8 @@ from scipy.io import savemat
 
 from sar_imaging import numpy_files
 from sar_imaging.formats.extras import MissingExtraError
-from sar_imaging.loading import DescriptionError
-from sar_imaging.loading.files import data_files
-from sar_imaging.loading.files.data_files import DataFiles, read_variable
+from sar_imaging.loading import DescriptionError, data_files
+from sar_imaging.loading.data_files import DataFiles, read_variable
 
 GENERATOR = np.random.default_rng(3)
 VALUES = GENERATOR.standard_normal((5, 3, 2)) + 1j * GENERATOR.standard_normal((5, 3, 2))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sar_imaging.loading.frame_clock import FrameClock
+from sar_imaging.loading.frames import FrameClock
 
 PERIOD_S = 0.02
 STARTS_S = PERIOD_S * np.arange(60)

@@ -12,8 +12,7 @@ from hypothesis import given, settings, strategies as st
 from benchmarks.support.references import exact_image
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.loading import DescriptionError, load
-from sar_imaging.loading.files.data_files import read_variable
-from sar_imaging.loading.files.p440_logs import read_log
+from sar_imaging.loading.data_files import read_log, read_variable
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor

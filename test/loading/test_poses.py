@@ -8,8 +8,8 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from sar_imaging.loading import DescriptionError
+from sar_imaging.loading.data_files import DataFiles
 from sar_imaging.loading.description import Section
-from sar_imaging.loading.files.data_files import DataFiles
 from sar_imaging.loading.poses import KEYS, read_poses
 
 TIME_S = 5.0 + 0.01 * np.arange(40)

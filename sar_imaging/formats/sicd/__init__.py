@@ -2,8 +2,8 @@
 
 - `grid`: planes whose rows lead away from the radar, on which images are formed;
 - `writer`, `reader`: our images to files and back;
-- `layout`, `spectrum`, `track`, `pixels`, `metadata`: what a file tells, from the acquisition;
-- `elements`, `fields`, `container`: its XML, and the NITF file around it.
+- `layout`, `track`, `metadata`: what a file tells, from the acquisition;
+- `container`: the NITF file around its XML and its pixels.
 """
 
 from .grid import sicd_grid

@@ -14,8 +14,7 @@ import numpy as np
 
 from ...geometry.grids import EvenGrid, TerrainGrid
 from ..acquisition import Acquisition
-from .grid import UP, centre_of_aperture
-from .spectrum import SpatialSupport, centres, support
+from .grid import UP, SpatialSupport, centre_of_aperture, centres, support
 
 _RIGHT_ANGLE = 1e-6  # cosine between rows and columns
 _LEAST_UPWARD = 0.1  # cosine between the plane's normal and the vertical

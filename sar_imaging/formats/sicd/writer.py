@@ -13,17 +13,16 @@ from ...radiometry import ImageResponse, KnotResponse, RadarConstant
 from ...signal.radar import SPEED_OF_LIGHT
 from ..acquisition import Acquisition
 from ..extras import require
-from . import pixels
+from . import container
 from .layout import lay_out
-from .metadata import Description, sicd_tree
-from .radiometric import radiometric
+from .metadata import Description, radiometric, sicd_tree
 from .track import fit_track
 
 _STATION = 'SARIMAGING'  # ten letters at most
 
 
 def write_sicd(path: os.PathLike | str, image: Image, datum: Datum, acquisition: Acquisition, *,
-               pixel_type: str = pixels.FLOAT, classification: str = 'UNCLASSIFIED',
+               pixel_type: str = container.FLOAT, classification: str = 'UNCLASSIFIED',
                response: ImageResponse | KnotResponse | None = None,
                constant: RadarConstant | None = None) -> None:
     """Write an image as SICD 1.3, bistatic ones as 1.4 (NGA.STND.0024).
@@ -81,7 +80,7 @@ def write_sicd(path: os.PathLike | str, image: Image, datum: Datum, acquisition:
         raise ValueError('response and constant belong together; give both, or none')
     layout = lay_out(image.grid, acquisition)
     track = fit_track(acquisition, datum, layout.scp_m)
-    stored, amplitudes, scale = pixels.encoded(layout.at_baseband(image.samples), pixel_type)
+    stored, amplitudes, scale = container.encoded(layout.at_baseband(image.samples), pixel_type)
     factors = (None if response is None else
                radiometric(image, layout, response, constant, scale))
     tree = sicd_tree(Description(layout, track, acquisition, datum, pixel_type, amplitudes, scale,

@@ -18,7 +18,7 @@ from ...files import reading
 from ...formats import require
 from ...formats.cphd import CphdReader
 from ...formats.sicd.container import SicdContainer
-from ...formats.sicd.fields import Fields
+from ...formats.sicd.reader import Fields
 from ...geometry.earth import Datum
 from ...signal.radar import RadarParameters, Waveform
 from ..ending import run_command

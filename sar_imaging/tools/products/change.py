@@ -21,7 +21,7 @@ from ...configuration.scene_grid import GridChoice
 from ...exploitation.passes import PassComparison, compare_passes
 from ...files import filling
 from ...formats import MissingExtraError
-from ...formats.raster import write_raster
+from ...formats.geotiff import write_raster
 from ...geometry.earth import Datum
 from ...geometry.grids import MapGrid, PlaneGrid
 from ...imaging.image import Image

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from scipy import ndimage
 
 from sar_imaging.formats import read_geotiff, write_geotiff
-from sar_imaging.formats.decibels import decibels, grey_levels, limits_db
+from sar_imaging.formats.quicklook import decibels, grey_levels, limits_db
 from sar_imaging.geometry import Datum, MapGrid, PlaneGrid, TerrainGrid, VolumeGrid
 from sar_imaging.imaging.image import Image, Report
 from sar_imaging.quality import error_db

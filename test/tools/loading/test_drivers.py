@@ -25,12 +25,7 @@ from benchmarks.support.driver_recordings import (
 from benchmarks.support.references import exact_image
 from sar_imaging import numpy_files
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.loading import (
-    DescriptionError,
-    find_description,
-    load,
-    read_description,
-)
+from sar_imaging.loading import DescriptionError, find_description, load, read_description
 from sar_imaging.loading.frames import FrameConverter
 from sar_imaging.loading.samples import KEYS
 from sar_imaging.signal.radar import Waveform

@@ -1,6 +1,5 @@
 """Antennas of CPHD files, as the standard says them.
 
-- `writing`: pattern as a table and as polynomials, frames of every vector;
-- `polynomials`: the main lobe as a polynomial, and how far that departs;
+- `writing`: pattern as a table and as polynomials, and how far these depart, frames of vectors;
 - `reading`: antennas of files as our patterns and pointing.
 """

@@ -15,9 +15,9 @@ import numpy as np
 import sar_imaging
 
 from ....formats import Acquisition, sicd_grid, write_sicd
-from ....formats.decibels import decibels
 from ....formats.georeference import Georeference, georeference
-from ....formats.raster import write_cog
+from ....formats.geotiff import write_cog
+from ....formats.quicklook import decibels
 from ....formats.sicd.grid import sicd_axes
 from ....formats.tags import told_of
 from ....geometry.grids import PlaneGrid

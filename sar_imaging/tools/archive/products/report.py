@@ -10,7 +10,7 @@ import numpy as np
 
 import sar_imaging
 from sar_imaging.files import replacing
-from sar_imaging.formats.decibels import limits_db
+from sar_imaging.formats.quicklook import limits_db
 
 from ...products.report import Section, write_report
 from ..jobs import ApertureScan, Job, Loss, Window, load_scans, union

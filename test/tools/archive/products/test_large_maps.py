@@ -76,7 +76,7 @@ MEMORY = """
 import json, pathlib, sys
 import numpy as np
 from sar_imaging.formats.georeference import georeference
-from sar_imaging.formats.raster import write_cog
+from sar_imaging.formats.geotiff import write_cog
 from sar_imaging.geometry import Datum, MapGrid
 
 def status(field):
