@@ -40,6 +40,9 @@ MODULES = {
     'sar_imaging.backends.reference.resample_profiles': ('profile_spectra',),
     'sar_imaging.backends.samples': ('compress', 'to_device'),
     'sar_imaging.configuration.parameters': ('default_file', 'read_configuration'),
+    'sar_imaging.diagnosis.signals': (
+        'CERTAIN', 'LIKELY', 'ONE_OF_SEVERAL', 'Finding', 'channel_findings', 'coupling_findings',
+        'sample_findings', 'slope_findings', 'timing_findings'),
     'sar_imaging.geometry.alignment': ('Alignment',),
     'sar_imaging.geometry.illumination': (
         'NO_SPREAD', 'AmplitudeSpread', 'Antenna', 'AntennaPattern', 'Illumination', 'Mount',

@@ -172,7 +172,8 @@ def _complex(section: Section, numbers: np.ndarray, own_axis: bool) -> np.ndarra
         if conjugate:
             # Whole numbers know no negative zero; adding 0 turns it.
             values = values.conj() if is_complex else values.conj() + 0.0
-        out[part] = values if scale == 1.0 else values * scale
+        with np.errstate(over='ignore'):  # infinities are told by pulse
+            out[part] = values if scale == 1.0 else values * scale
     return out
 
 
