@@ -35,6 +35,7 @@ MODULES = {
     'msg_conversions.subaperture_image': ('from_message', 'to_message'),
     'sar_imaging.autofocus.live': ('live_autofocus',),
     'sar_imaging.autofocus.phase_gradient': ('PhaseGradient',),
+    'sar_imaging.autofocus.tiles': ('Tiles', 'bright_points'),
     'sar_imaging.autofocus.track': ('PhaseCentreTrack',),
     'sar_imaging.backends.reference.project_points': ('half_paths',),
     'sar_imaging.backends.reference.resample_profiles': ('profile_spectra',),

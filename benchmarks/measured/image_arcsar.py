@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 
 from sar_imaging.autofocus.models import Geometry, GeometryModel
 from sar_imaging.autofocus.search import search
-from sar_imaging.autofocus.tiles.points import bright_points
+from sar_imaging.autofocus.tiles import bright_points
 from sar_imaging.geometry.grids import Grid, MapGrid
 from sar_imaging.geometry.illumination import Antenna
 from sar_imaging.imaging.imager import plan_image

@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
-from sar_imaging.autofocus.alignment_model import alignment_model
+from sar_imaging.autofocus.models import alignment_model
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.poses import PoseTable, PoseTrack
@@ -124,7 +124,7 @@ def bounds(block: PulseBlock, track: PoseTrack, alignment: Alignment, places_m: 
     places_m : (K, 3) float64
         Where they focus, metres.
     names : sequence of str
-        Unknowns, some of `sar_imaging.autofocus.alignment_model.NAMES`.
+        Unknowns, some of `sar_imaging.autofocus.models.NAMES`.
 
     Returns
     -------

@@ -2,7 +2,7 @@
 
 - `autofocus`: estimates errors, images again, accepts only sharper images (`report`);
 - `evidence`: whether to use an answer, and to claim it;
-- `models`, `alignment_model`, `track`: geometries with unknown parameters;
+- `models`, `track`: geometries with unknown parameters;
 - `search`, `residual`: estimates of the parameters; `offset_search`, `offset_curve`: of an
   offset of the clocks, and what that is worth;
 - `tiles`: image tiles around bright points;

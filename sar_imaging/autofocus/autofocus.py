@@ -41,7 +41,7 @@ from .offset_search import COVERED, OffsetSearch, coverage
 from .report import PARAMETERS, PHASES, AutofocusReport, AutofocusResult, found_in_words
 from .residual import Residual, absorb, along_sight, estimate_residual
 from .search import search
-from .tiles.points import bright_points
+from .tiles import bright_points
 
 if TYPE_CHECKING:
     from ..backends.protocol import Backend

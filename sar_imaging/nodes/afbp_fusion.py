@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Mapping
 
 from sar_imaging.backends import compile_beforehand
-from sar_imaging.exploitation.obstacles.subaperture_tracks import SubapertureTracks
+from sar_imaging.exploitation.obstacles.aperture_view import SubapertureTracks
 from sar_imaging.formats import Acquisition
 from sar_imaging.imaging.image import Image, Report, error_in_words
 from sar_imaging.imaging.methods import AFBP
@@ -17,7 +17,7 @@ from sar_imaging.streaming.fusion import FusedImage, LiveFusion
 from sar_imaging.streaming.mosaic import StripMosaic
 from sar_imaging.streaming.subaperture_image import SubapertureImage
 
-from .backprojection_parameters import MIN_PULSE_FRACTION
+from .backprojection_steps import MIN_PULSE_FRACTION
 from .images import (
     antenna_pattern,
     autofocus,
@@ -35,11 +35,10 @@ from .images.image_grid import MAX_IMAGE_PIXELS
 from .images.image_products import ImageProducts
 from .images.obstacle_products import ObstacleProducts
 from .poses.frame_datum import DatumInput
-from .runtime.backends import BACKEND, backend_of
 from .runtime.health import Health, Part
 from .runtime.inlet import SubapertureImages
 from .runtime.managed import ManagedNode, run
-from .runtime.parameters import ANY_TIME, Parameter
+from .runtime.parameters import ANY_TIME, BACKEND, Parameter, backend_of
 from .runtime.stage import Stage
 from .runtime.step import Step
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from .backprojection_parameters import PARAMETERS
-from .backprojection_steps import BackprojectionStep
+from .backprojection_steps import PARAMETERS, BackprojectionStep
 from .runtime.managed import run
 from .runtime.stage import Stage
 

@@ -1,4 +1,4 @@
-"""Steps of backprojection: what all have in common, and the one that forms images."""
+"""Steps of backprojection, which form images, sub-aperture images or volumes."""
 
 from __future__ import annotations
 
@@ -8,23 +8,29 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from sar_imaging.backends import compile_beforehand
-from sar_imaging.configuration.startup import TrackWarnings, report_block, settings_of
-from sar_imaging.exploitation.obstacles.aperture_view import PulseTracks
-from sar_imaging.formats.acquisition import RecentPulses
-from sar_imaging.geometry.grids import TerrainGrid
-from sar_imaging.imaging.image import Image, Report, error_in_words
-from sar_imaging.imaging.methods import EXACT
-from sar_imaging.signal.pulses import PulseBlock, check_frame
-from sar_imaging.signal.pulses.apertures import ApertureSequence
-from sar_imaging.signal.pulses.sequence import describe_counters
-from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
+from msg_conversions.subaperture_image import to_message
+from msg_conversions.subaperture_wire import as_received
 
-from .backprojection_parameters import IMAGE, PARAMETERS, VOLUME
+from ..backends import AUTO, compile_beforehand
+from ..configuration.startup import TrackWarnings, report_block, settings_of
+from ..exploitation.obstacles.aperture_view import PulseTracks
+from ..formats.acquisition import RecentPulses
+from ..geometry.grids import TerrainGrid
+from ..imaging.image import Image, Report, error_in_words
+from ..imaging.methods import AFBP, EXACT
+from ..signal.pulses import PulseBlock, check_frame
+from ..signal.pulses.apertures import ApertureSequence
+from ..signal.pulses.sequence import describe_counters, describe_range
+from ..streaming.aperture import ApertureImage, ApertureImager
+from ..streaming.subaperture_image import SubapertureImage
+from ..streaming.subapertures import LiveSubapertures
 from .images import (
+    antenna_pattern,
     autofocus,
     focus_watch,
     image_brightness,
+    image_files,
+    image_products,
     obstacle_products,
     volume_cloud,
 )
@@ -33,17 +39,73 @@ from .images.autofocus import FocusedImage, ImageFocus
 from .images.focus_watch import FocusWatch, count_focus
 from .images.image_brightness import ImageBrightness
 from .images.image_files import ImageFiles
-from .images.image_grid import describe_grid, make_grid
+from .images.image_grid import (
+    GRID_PARAMETERS,
+    TERRAIN_FILE,
+    describe_grid,
+    make_grid,
+    terrain_heights,
+)
 from .images.image_products import ImageProducts
 from .images.obstacle_products import ObstacleProducts
-from .images.terrain import TERRAIN_FILE, terrain_heights
+from .images.volume_cloud import VolumeCloud
+from .poses import pose_input
 from .poses.frame_datum import DatumInput
-from .runtime.backends import backend_of
-from .runtime.block_output import UNTAKEN
-from .runtime.health import Health, Part
+from .runtime.block_output import UNTAKEN, BlockOutput
+from .runtime.health import Cause, Health, Part
 from .runtime.managed import ManagedNode
-from .runtime.parameters import ConfigurationError
+from .runtime.parameters import (
+    ANY_TIME,
+    BACKEND,
+    ConfigurationError,
+    Parameter,
+    backend_of,
+    one_of,
+)
 from .runtime.step import Step
+
+IMAGE, SUBAPERTURES, VOLUME = 'image', 'subapertures', 'volume'
+MIN_PULSE_FRACTION = Parameter(
+    'min_pulse_fraction', 0.5, 'Least share of its pulses that an aperture needs to be imaged.',
+    '', 0.0, 1.0, changes=ANY_TIME)
+
+PARAMETERS = (
+    Parameter('mode', IMAGE, f'{IMAGE}: exact images of whole apertures; {SUBAPERTURES}: '
+              f'sub-aperture images for afbp_fusion; {VOLUME}: exact volumes as point clouds.',
+              check=one_of(IMAGE, SUBAPERTURES, VOLUME)),
+    *GRID_PARAMETERS,
+    TERRAIN_FILE,
+    Parameter('aperture_timeout_s', 5.0, 'An aperture is closed when no input came for this long, '
+              'by the wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME),
+    MIN_PULSE_FRACTION,
+    Parameter('method', EXACT, f'Imager in mode {IMAGE}: {EXACT} backprojection, as pulses come; '
+              f'{AFBP} of whole apertures; {AUTO}: of these the quicker one that meets target_db.',
+              check=one_of(AUTO, EXACT, AFBP)),
+    BACKEND,
+    Parameter('target_db', -80.0, 'Largest predicted error against time-domain correlation in '
+              f'modes {IMAGE} and {VOLUME}.', 'dB', -100.0, -20.0),
+    Parameter('subapertures.target_db', -60.0, 'Largest predicted error in mode '
+              f'{SUBAPERTURES}.', 'dB', -85.0, -20.0),
+    Parameter('subapertures.pulses', 0, 'Length of a sub-aperture; 0 for the quickest.', 'pulses',
+              0, 2**31 - 1),
+    Parameter('subapertures.sliding', False, 'Every sub-aperture ends an image of one '
+              "aperture's length."),
+    Parameter('subapertures.follow', False, 'The image moves along with the antenna, on the '
+              'pixels that the grid continues to.'),
+    Parameter('subapertures.follow_ahead', 0.0, 'From the middle of an aperture to that of its '
+              'image, along the direction of flight.', 'm', -1e6, 1e6),
+    Parameter('subapertures.follow_left', 0.0, 'From the middle of an aperture to that of its '
+              'image, to the left of the direction of flight.', 'm', -1e6, 1e6),
+    *autofocus.PARAMETERS,
+    *pose_input.TRACK_PARAMETERS,
+    *antenna_pattern.PARAMETERS,
+    *image_brightness.PARAMETERS,
+    *image_products.PARAMETERS,
+    *image_files.PARAMETERS,
+    *obstacle_products.PARAMETERS,
+    *volume_cloud.PARAMETERS,
+)
+
 
 _REMEMBERED = 4  # apertures whose phase centres are kept: images may wait for autofocus
 
@@ -89,8 +151,6 @@ class BackprojectionStep(Step):
         """Step of the mode that the parameters ask for."""
         if parameters['mode'] == IMAGE:
             return ImageStep(parameters, health)
-        from .subaperture_step import SubapertureStep  # these are built on this module
-        from .volume_step import VolumeStep
 
         kind = VolumeStep if parameters['mode'] == VOLUME else SubapertureStep
         return kind(parameters, health)
@@ -352,3 +412,115 @@ class ImageStep(BackprojectionStep):
                  ) -> list[ApertureImage]:
         """Those images that autofocus is through with; its time is work on them."""
         return super()._follow(lambda: self._focus.take(images, final=final))
+
+
+class SubapertureStep(BackprojectionStep):
+    """Range profiles to sub-aperture images; see `LiveSubapertures`."""
+
+    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+        super().__init__(parameters, health)
+        p = parameters
+        if p[TERRAIN_FILE.name]:
+            raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: sub-apertures are fused on '
+                                     f'a plane; use mode {IMAGE} on terrain')
+        follow_m = ((p['subapertures.follow_ahead'], p['subapertures.follow_left'])
+                    if p['subapertures.follow'] else None)
+        chosen = backend_of(p)
+        try:
+            self._imager = LiveSubapertures(
+                self._grid, pulses_per_aperture=p['pulses_per_aperture'],
+                pulses_per_subaperture=p['subapertures.pulses'],
+                target_db=p['subapertures.target_db'], sliding=p['subapertures.sliding'],
+                follow_m=follow_m, illumination=self._pattern, backend=chosen)
+        except ValueError as error:
+            raise ConfigurationError(f'subapertures: {error}') from error
+        compile_beforehand('SubapertureImager')  # the first sub-aperture must not wait for it
+
+    def create_outputs(self, node: ManagedNode) -> None:
+        """Create the publisher of the sub-aperture images; see `Step`."""
+        self._output = BlockOutput(node, 'subaperture_images', self.parameters, self.health,
+                                   to_message)
+
+    def summary(self) -> str:
+        """Settings for the log line at the start."""
+        p = self.parameters
+        slide = ', sliding' if p['subapertures.sliding'] else ''
+        follow = (f', following the antenna {p["subapertures.follow_ahead"]:g} m ahead, '
+                  f'{p["subapertures.follow_left"]:g} m to the left'
+                  if p['subapertures.follow'] else '')
+        return (f' -> {self._output.topic} for {describe_grid(self._grid)}{follow}, '
+                f'{p["pulses_per_aperture"]} pulses per aperture{slide}')
+
+    def prepare(self) -> list[SubapertureImage]:
+        """What could wait; then plan the next aperture before its pulses come; see `Step`."""
+        images = self._follow(self._imager.catch_up)
+        self._imager.plan_ahead()
+        self.report(self._imager.take_events())
+        return images
+
+    def publish(self, product: SubapertureImage) -> None:
+        """Publish a sub-aperture image when somebody subscribes."""
+        self._output.publish(product)
+        self._count_product(product.n_missing, product.predicted_error_db)
+        self.health.count('subapertures_published')
+        length = self.parameters['pulses_per_aperture']
+        if product.first_counter + product.length >= (product.aperture + 1) * length:
+            self._watch.judge(product.aperture)
+
+    def describe(self, product: SubapertureImage) -> str:
+        """A sub-aperture image in words."""
+        last = product.first_counter + product.length - 1
+        return (f'sub-aperture {product.number} of aperture {product.aperture}: pulses '
+                f'{describe_range(product.first_counter, last)}, {product.n_missing} missing')
+
+    def saving(self) -> Callable[[], str]:
+        """Refuse: images are formed by the next node."""
+        raise ValueError('sub-aperture images are no images yet: ask afbp_fusion, which fuses '
+                         'them, for save_image')
+
+    def update_counters(self) -> None:
+        """Take the statistics over."""
+        super().update_counters()
+        s = self._imager.statistics
+        self.health.set('plans_made', s.plans)
+        self.health.set('plans_anew', s.plans_anew)
+        self.health.set('last_plan_seconds', s.plan_seconds)
+        since_s = self._imager.planning_since_s
+        self.health.cause(Cause.PLANNING, '' if since_s is None else (
+            f'planning an aperture for {time.perf_counter() - since_s:.1f} s so far; pulses wait'))
+
+    def _follow(self, work, *arguments) -> list[SubapertureImage]:
+        # Rounded as messages round them, so that the pipeline's images are those of the nodes.
+        return [as_received(image) for image in super()._follow(work, *arguments)]
+
+
+class VolumeStep(ImageStep):
+    """Range profiles to volumes; see `ApertureImager`."""
+
+    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+        if parameters[TERRAIN_FILE.name]:
+            raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: a volume has level '
+                                     f'layers; use mode {IMAGE} on terrain')
+        super().__init__(parameters, health)
+
+    def create_outputs(self, node: ManagedNode) -> None:
+        """Create the publisher of the clouds; see `Step`."""
+        self._cloud = VolumeCloud(node, self.parameters, self.health, self._datum)
+
+    def activate(self, node: ManagedNode) -> None:
+        """Listen to the datum; see `Step`."""
+        self._datum.activate(node)
+
+    def saving(self) -> Callable[[], str]:
+        """Function that writes the latest cloud; see `Step`."""
+        return self._cloud.saving()
+
+    @property
+    def _topic(self) -> str:
+        return self._cloud.topic
+
+    def _send(self, product: ApertureImage) -> None:
+        image = self._brightness.calibrated(self._image(product),
+                                            lambda: self._pulses.pulses(product.counters))
+        if image is not None:
+            self._cloud.publish(image, product.stamp_ns)

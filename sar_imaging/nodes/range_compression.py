@@ -16,11 +16,10 @@ from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.range_compression import RANGE_FILTERS, RangeCompressor
 from sar_imaging.signal.windows import WINDOW_NAMES, parse_window
 
-from .runtime.backends import BACKEND, backend_of
 from .runtime.block_output import UNTAKEN, BlockOutput
 from .runtime.health import Health, Part
 from .runtime.managed import ManagedNode, run
-from .runtime.parameters import ANY_TIME, Parameter, one_of
+from .runtime.parameters import ANY_TIME, BACKEND, Parameter, backend_of, one_of
 from .runtime.stage import Stage
 from .runtime.step import Step
 

@@ -7,14 +7,12 @@ import tempfile
 from pathlib import Path
 
 from .afbp_fusion import FusionStep
-from .backprojection_parameters import SUBAPERTURES
-from .backprojection_steps import BackprojectionStep
+from .backprojection_steps import SUBAPERTURES, BackprojectionStep
 from .images.autofocus import PHASE_GRADIENT
 from .pulse_buffer import PulseBufferStep
 from .range_compression import RangeCompressionStep
 from .runtime.managed import fail, run
-from .runtime.parameters import ConfigurationError
-from .runtime.pipeline_arguments import merged_arguments
+from .runtime.parameters import ConfigurationError, merged_arguments
 from .runtime.stage import Stage
 from .runtime.step import Step
 

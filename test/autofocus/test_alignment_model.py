@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sar_imaging.autofocus.alignment_model import aligned, alignment_model
+from sar_imaging.autofocus.models import aligned, alignment_model
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.poses import PoseTrack
 from sar_imaging.signal.positioning import locate

@@ -10,8 +10,10 @@ pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 from sar_imaging.configuration.parameters import default_file, interpret, load_tree
 from sar_imaging.configuration.positions import check_positions
 from sar_imaging.geometry.illumination import Pointing
-from sar_imaging.nodes.backprojection_parameters import PARAMETERS as IMAGER_PARAMETERS
-from sar_imaging.nodes.backprojection_steps import BackprojectionStep
+from sar_imaging.nodes.backprojection_steps import (
+    PARAMETERS as IMAGER_PARAMETERS,
+    BackprojectionStep,
+)
 from sar_imaging.nodes.poses.antenna_pointing import PARAMETERS as POINTING_PARAMETERS
 from sar_imaging.nodes.pulse_buffer import PulseBufferStep
 from sar_imaging.nodes.runtime.parameters import ConfigurationError

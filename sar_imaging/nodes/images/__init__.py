@@ -1,5 +1,5 @@
 """Common parts of the nodes that form images: grid, terrain, autofocus, focus and topics.
 
-`image_grid` and `terrain` define the pixels, `autofocus` and `focus_watch` check the focus,
+`image_grid` defines the pixels, `autofocus` and `focus_watch` check the focus,
 `image_products` and `obstacle_products` publish the results.
 """

@@ -22,11 +22,10 @@ from sar_imaging.streaming.aperture import ApertureImage
 
 from ..poses.frame_datum import FrameDatum
 from ..poses.known_positions import KnownPositions
-from ..runtime.backends import BACKEND
 from ..runtime.health import Health, Part
-from ..runtime.parameters import ConfigurationError, Parameter
+from ..runtime.parameters import BACKEND, ConfigurationError, Parameter
 from .antenna_pattern import pattern_from
-from .terrain import TERRAIN_FILE
+from .image_grid import TERRAIN_FILE
 
 TRACK_ERROR = Parameter(
     'autofocus.track_error', 0.0, 'Expected size of a smooth error of the positions that '

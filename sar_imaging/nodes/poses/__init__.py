@@ -1,5 +1,5 @@
 """Positions in the nodes: poses from odometry, poses or tf, and lever arms.
 
-`pose_input` passes poses to the worker thread, `tf_input` samples tf, and `known_positions`
-keeps the phase centres around an aperture.
+`pose_input` passes poses to the worker thread, of topics and of tf, and `known_positions` keeps
+the phase centres around an aperture.
 """

@@ -1,4 +1,7 @@
-"""Parameters of the nodes as tables: declared, checked and coerced in one place."""
+"""Parameters of the nodes as tables: declared, checked and coerced in one place.
+
+`sar_pipeline` reads the parameter files of the separate nodes.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,9 @@ import contextlib
 import dataclasses
 import difflib
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 
 import yaml
 from rcl_interfaces.msg import (
@@ -18,7 +23,8 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from sar_imaging.configuration.parameters import parse
+from ...backends import AUTO, CUDA, DeviceError, backend
+from ...configuration.parameters import parse
 
 # When a parameter may change.
 START = 'start'  # never after the start of the process
@@ -258,3 +264,66 @@ class ParameterValues(Mapping):
         for p in parameters:
             if p.name in self._table:
                 self._values[p.name] = self._table[p.name].coerce(p.value)
+
+
+BACKEND = Parameter(
+    'backend', AUTO, f'What computes: the processor, or a device by {CUDA}, which must be there; '
+    f'{AUTO}: whichever is quicker.', check=one_of(AUTO, 'cpu', CUDA))
+
+
+def backend_of(parameters: Mapping[str, object]) -> str:
+    """Backend that the parameters name.
+
+    Raises
+    ------
+    ConfigurationError
+        A device was asked for, and there is none that works.
+    """
+    name = parameters[BACKEND.name]
+    try:
+        backend(name)
+    except DeviceError as error:
+        raise ConfigurationError(f'parameter {BACKEND.name}: {error}') from error
+    return name
+
+
+_FLAG = '--params-file'
+
+
+def merged_arguments(arguments: Sequence[str], name: str, stages: Iterable[str],
+                     folder: Path) -> list[str]:
+    """Command line whose parameter files speak of one node instead of several.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Command line.
+    name : str
+        Node that takes the sections of the others, beside its own.
+    stages : iterable of str
+        Nodes whose sections it takes, in any namespace.
+    folder : Path
+        Where the rewritten files go.
+
+    Returns
+    -------
+    list of str
+
+    Raises
+    ------
+    ConfigurationError
+        A file cannot be read.
+    """
+    out = list(arguments)
+    # As text: sections of the same node may come several times, and numbers stay as written.
+    section = re.compile(rf'^(\s*["\']?(?:\S*/)?)(?:{"|".join(stages)})(["\']?\s*:\s*(?:#.*)?)$',
+                         re.MULTILINE)
+    for index in range(1, len(out)):
+        if out[index - 1] == _FLAG:
+            merged = folder / f'{index}.yaml'
+            try:
+                merged.write_text(section.sub(rf'\1{name}\2', Path(out[index]).read_text()))
+            except (OSError, UnicodeDecodeError) as error:
+                raise ConfigurationError(f'{_FLAG} {out[index]}: {error}') from error
+            out[index] = str(merged)
+    return out

@@ -1,14 +1,23 @@
-"""Base of the nodes: receive messages, process them in one thread, report."""
+"""Base of the nodes: receive messages, process them in one thread, report.
+
+Steps run one after the other in that thread; each gets the products of the one before. While
+a node prepares itself its executor waits, and pulses may come already: that is reported as well.
+"""
 
 from __future__ import annotations
 
 import concurrent.futures
+import contextlib
 import functools
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.exceptions import NotInitializedException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from rclpy.task import Future
@@ -17,20 +26,193 @@ from std_srvs.srv import Trigger
 
 from msg_conversions import WireFormatError
 from msg_conversions.wire import DEFAULT_MAX_ELEMENTS
-from sar_imaging.backends import DeviceError
-from sar_imaging.compilation import interruptible
-from sar_imaging.configuration.datum import NONE, SOURCES, configured_datum
 
-from .chain import Chain
-from .health import REJECTION, Rates
+from ...backends import DeviceError
+from ...compilation import counted, interruptible
+from ...configuration.datum import NONE, SOURCES, configured_datum
+from .health import REJECTION, Cause, Rates
+from .inlet import Inlet, PulseBlocks
 from .input_watch import CAUSES, InputWatch
-from .managed import QOS_ERRORS, ManagedNode
+from .managed import DIAGNOSTICS_PERIOD_S, QOS_ERRORS, ManagedNode, RCLError
 from .overload import APERTURES, FAULTS, POLICIES, Load
 from .parameters import ANY_TIME, ConfigurationError, Parameter, one_of
-from .preparation import Preparation
 from .saving import FileThread
 from .step import Step, stream_qos
 from .worker import Worker
+
+CONTEXT_ENDED = RCLError, NotInitializedException, ExternalShutdownException
+
+
+class Preparation(contextlib.ExitStack):
+    """Publishes diagnostics, and counts the pulses that nobody takes, while kernels compile.
+
+    Kernels are compiled at the first start on a machine, which takes up to some minutes; use it
+    in a ``with`` statement around what may compile some.
+
+    Parameters
+    ----------
+    node : ManagedNode
+        With the counter ``pulses_before_ready``.
+    topic : str
+        Relative name of its input.
+    inlet : Inlet
+        How to read the input.
+    """
+
+    def __init__(self, node: ManagedNode, topic: str, inlet: Inlet):
+        super().__init__()
+        self._node, self._topic, self._inlet = node, topic, inlet
+        self._ended = threading.Event()
+
+    def __enter__(self) -> Preparation:
+        self.enter_context(counted(self._begin))
+        return self
+
+    def _begin(self) -> None:
+        """The first kernel is being compiled."""
+        # First: an executor that Ctrl-C keeps from being made complains when it is collected.
+        executor = SingleThreadedExecutor(context=self._node.context)
+        self.callback(executor.shutdown)
+        self._node.health.info(
+            'compiling kernels: at the first start on a machine this takes up to a minute or two, '
+            'later starts load them; `ros2 run sar_imaging compile_kernels` does it beforehand')
+        thread = threading.Thread(target=self._report, args=[executor], name='preparation')
+        thread.start()
+        self.callback(thread.join)
+        self.callback(self._ended.set)
+
+    def _report(self, executor: SingleThreadedExecutor) -> None:
+        node, context = self._node, self._node.context
+        # Ctrl-C ends the context at any moment.
+        with contextlib.suppress(*CONTEXT_ENDED), contextlib.ExitStack() as made:
+            listening = Node(f'{node.get_name()}_preparing', namespace=node.get_namespace(),
+                             context=context, enable_rosout=False, start_parameter_services=False)
+            made.callback(listening.destroy_node)
+            listening.create_subscription(
+                Float32MultiArray, node.resolve_topic_name(self._topic), self._count,
+                stream_qos(node.parameters))
+            executor.add_node(listening)
+            self._tell(executor)
+
+    def _tell(self, executor: SingleThreadedExecutor) -> None:
+        """Publish diagnostics in their period, and take pulses meanwhile."""
+        node, began_s = self._node, time.monotonic()
+        due_s = began_s
+        while not self._ended.is_set() and node.context.ok():
+            if time.monotonic() >= due_s:
+                due_s += DIAGNOSTICS_PERIOD_S
+                node.health.cause(Cause.COMPILING, (
+                    f'compiling kernels for {time.monotonic() - began_s:.0f} s so far; pulses '
+                    f'are not taken, {node.health.get("pulses_before_ready")} came'))
+                node.health.publish(node.state)
+            executor.spin_once(timeout_sec=0.05)
+        if node.context.ok():
+            node.health.cause(Cause.COMPILING, '')
+
+    def _count(self, message: Float32MultiArray) -> None:
+        with contextlib.suppress(WireFormatError):
+            item = self._inlet.read(message, max_elements=2**31)
+            self._node.health.count('pulses_before_ready', self._inlet.n_pulses(item))
+
+
+class Chain:
+    """Pass items through steps; all methods are called in the same thread.
+
+    Parameters
+    ----------
+    steps : list of Step
+        In the order of the work.
+    reject : callable
+        Called with an item in words and the error with which a step refused it.
+    """
+
+    def __init__(self, steps: list[Step], reject: Callable[[str, Exception], None]):
+        self.steps = steps
+        self._reject = reject
+        self._worked_s: list[float | None] = [None] * len(steps)  # None: nothing is underway
+        self._formed: list[str] | None = None  # products of a call of `form_image`, in words
+
+    def work(self, item, received_s: float) -> None:
+        """Pass an item of the input through the steps.
+
+        Parameters
+        ----------
+        item
+            Of the kind that the first step takes.
+        received_s : float
+            When it came, on `time.monotonic`.
+        """
+        for step in self.steps:
+            step.received_s = received_s
+        self._take(0, item)
+
+    def idle_s(self) -> float | None:
+        """Seconds until a step has been without input for too long; None when none waits."""
+        now = time.monotonic()
+        return min((max(0.0, due - now) for due in map(self._due_s, range(len(self.steps)))
+                    if due is not None), default=None)
+
+    def idle(self) -> None:
+        """Flush the steps that have been without input for too long."""
+        for number, step in enumerate(self.steps):
+            due = self._due_s(number)
+            if due is not None and due <= time.monotonic():
+                self._worked_s[number] = None
+                self._pass_on(number, step.flush())
+
+    def collect(self) -> None:
+        """Pass on what steps have ready without an item of the input; see `Step.collect`."""
+        for number, step in enumerate(self.steps):
+            self._pass_on(number, step.collect())
+
+    def form_image(self) -> tuple[bool, str]:
+        """Finish what is underway in all steps; whether that gave something, and what or why."""
+        self._formed = []
+        for number, step in enumerate(self.steps):
+            self._pass_on(number, step.flush())
+        formed, self._formed = self._formed, None
+        return (True, '; '.join(formed)) if formed else (False, self.steps[-1].nothing_formed())
+
+    def skip(self, aperture: int | None) -> None:
+        """Leave out an aperture in every step; see `Step.skip`."""
+        for number, step in enumerate(self.steps):
+            self._pass_on(number, step.skip(aperture))
+
+    def discard(self) -> int:
+        """Forget what is underway and return its number of pulses."""
+        self._worked_s = [None] * len(self.steps)
+        dropped = [step.discard() for step in self.steps]
+        # What a step of another input holds was made from pulses that are counted already.
+        return sum(n for n, step in zip(dropped, self.steps, strict=True)
+                   if step is self.steps[0] or issubclass(step.INLET, PulseBlocks))
+
+    def _take(self, number: int, item) -> None:
+        step = self.steps[number]
+        try:
+            products = step.process(item)
+        except (ValueError, MemoryError, DeviceError) as error:
+            self._reject(step.INLET.describe(item), error)
+            return
+        finally:
+            self._worked_s[number] = time.monotonic()
+        self._pass_on(number, products)
+        self._pass_on(number, step.prepare())
+
+    def _pass_on(self, number: int, products: Iterable) -> None:
+        last = number == len(self.steps) - 1
+        for product in products:
+            self.steps[number].publish(product)
+            if not last:
+                self._take(number + 1, product)
+            elif self._formed is not None:
+                self._formed.append(self.steps[number].describe(product))
+
+    def _due_s(self, number: int) -> float | None:
+        parameter, worked_s = self.steps[number].IDLE_PARAMETER, self._worked_s[number]
+        if parameter is None or worked_s is None:
+            return None
+        return worked_s + self.steps[number].parameters[parameter]
+
 
 PATIENCE_S = 3.0  # with a block in work, after Ctrl-C
 INPUT_TYPE = 'std_msgs/msg/Float32MultiArray'

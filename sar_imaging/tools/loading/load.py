@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from ...autofocus.alignment_model import aligned, alignment_model
 from ...autofocus.autofocus import Autofocus, AutofocusReport
+from ...autofocus.models import aligned, alignment_model
 from ...diagnosis.hypotheses import distances, reach_advice
 from ...files import naming
 from ...geometry.alignment import Alignment

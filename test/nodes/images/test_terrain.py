@@ -9,7 +9,7 @@ from benchmarks.support.references import exact_image
 from msg_conversions.images import complex_from_message
 from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.terrain import Terrain
-from sar_imaging.nodes.images import terrain
+from sar_imaging.nodes.images import image_grid
 from sar_imaging.nodes.runtime.parameters import ConfigurationError
 from sar_imaging.tools.node_processes import parameters_from_truth
 
@@ -51,10 +51,10 @@ def test_impossible_terrain_is_refused(start_node, tmp_path):
 
 
 def test_terrain_that_unpacks_to_more_than_the_memory_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(terrain, 'available_bytes', lambda: 10_000_000)
+    monkeypatch.setattr(image_grid, 'available_bytes', lambda: 10_000_000)
     axis = np.linspace(0.0, 1.0, 1000)
     path = tmp_path / 'flat.npz'
     Terrain(axis, axis, np.zeros((1000, 1000))).save(path)  # 8 MB of zeros
     assert path.stat().st_size < 100_000
     with pytest.raises(ConfigurationError, match='unpacks to 8.02 MB, more than half of the mem'):
-        terrain.terrain_heights({'terrain.file': str(path)}, MapGrid((0, 0, 0), 2, 2, 0.1))
+        image_grid.terrain_heights({'terrain.file': str(path)}, MapGrid((0, 0, 0), 2, 2, 0.1))

@@ -6,7 +6,7 @@ import importlib.util
 
 import pytest
 
-from sar_imaging.nodes.poses.tf_input import import_tf, split_frames
+from sar_imaging.nodes.poses.pose_input import import_tf, split_frames
 from sar_imaging.nodes.runtime.parameters import ConfigurationError
 
 needs_no_tf = pytest.mark.skipif(importlib.util.find_spec('tf2_ros') is not None,

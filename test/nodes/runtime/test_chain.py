@@ -6,9 +6,9 @@ import pytest
 
 pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 
-from sar_imaging.nodes.runtime import chain
-from sar_imaging.nodes.runtime.chain import Chain
+from sar_imaging.nodes.runtime import stage
 from sar_imaging.nodes.runtime.inlet import PulseBlocks, SubapertureImages
+from sar_imaging.nodes.runtime.stage import Chain
 from sar_imaging.nodes.runtime.step import Step
 
 
@@ -55,7 +55,7 @@ class Keeper(Step):
 @pytest.fixture
 def clock(monkeypatch):
     clock = types.SimpleNamespace(now_s=50.0)
-    monkeypatch.setattr(chain, 'time', types.SimpleNamespace(monotonic=lambda: clock.now_s))
+    monkeypatch.setattr(stage, 'time', types.SimpleNamespace(monotonic=lambda: clock.now_s))
     return clock
 
 

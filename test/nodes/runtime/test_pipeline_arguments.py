@@ -4,8 +4,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 
-from sar_imaging.nodes.runtime.parameters import ConfigurationError
-from sar_imaging.nodes.runtime.pipeline_arguments import merged_arguments
+from sar_imaging.nodes.runtime.parameters import ConfigurationError, merged_arguments
 
 FILE = """
 /**:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.exploitation.passes import compare_passes
-from sar_imaging.exploitation.passes.sample_coherence import mean_sample, unbiased
+from sar_imaging.exploitation.passes.coherence import mean_sample, unbiased
 from sar_imaging.imaging.image import Image, Report
 from sar_imaging.tools.archive.jobs import ArchiveDataError, CoherencePiece, Products
 from sar_imaging.tools.archive.products.storage import image_array
