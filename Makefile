@@ -21,12 +21,15 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check colcon environment clean prediction-campaign simulator obstacle-campaign obstacle-shadows format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline
+.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test test-quick lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check colcon environment clean prediction-campaign simulator obstacle-campaign obstacle-shadows format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline
+QUICK_TESTS := test/msg_conversions test/geometry test/signal test/planning test/imaging/test_goldens.py test/imaging/test_image.py test/test_package.py
 .DEFAULT_GOAL := help
 
 help:
 	@echo 'make demo    replay bags/countryside through the ROS 2 nodes into out/demo'
 	@echo 'make test    ruff, then every test, real nodes over real DDS among them'
+	@echo 'make test-quick'
+	@echo '             the core alone, a minute once its kernels are compiled'
 	@echo 'make lint    ruff only'
 	@echo 'make processors'
 	@echo '             kernel tests and pinned images with the code of AVX2 and of a generic processor,'
@@ -93,6 +96,10 @@ demo: environment
 test: lint docs-libraries
 	@echo 'pytest, in two processes ...'
 	@$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+
+# What the hand that edits wants to know at once: conversions, geometry, signals, plans, pinned images.
+test-quick: environment
+	@$(RUN) -m pytest -x -n 2 --dist loadfile $(QUICK_TESTS)
 
 lint: environment
 	@echo 'ruff check ...'
