@@ -61,7 +61,7 @@ def hills(grid):
 
 
 @pytest.mark.parametrize('target_db', [-80.0, -60.0])
-@pytest.mark.parametrize(('way', 'options'), [
+@pytest.mark.parametrize(('route', 'options'), [
     ('lines', {'range_m': 1000.0, 'height_m': 300.0}),
     ('lines', {'range_m': 1000.0, 'apart_m': 40.0, 'channels': 2}),
     ('points', {'range_m': 30.0, 'aperture_m': 3.0}),
@@ -70,30 +70,30 @@ def hills(grid):
     ('volume', {'range_m': 1000.0, 'height_m': 300.0}),
     ('polar', {'range_m': 1000.0, 'bend_m': 3.0}),
     ('parts', {'range_m': 400.0, 'pulses': 200, 'aperture_m': 60.0})])
-def test_exact_backprojection(make_scene, error_db, way, options, target_db):
+def test_exact_backprojection(make_scene, error_db, route, options, target_db):
     scene = make_scene(**options)
     grid, block, echoes = scene.grid, scene.block, scene.echoes
     args = block.radar, block.n_samples, *echoes[1:], target_db
     x, y, z = grid.centre_m
-    if way == 'wall':
+    if route == 'wall':
         grid = PlaneGrid((x, y - 5.0, z), (0.02, 0.25, 0.0), (0.1, 0.0, 0.3), 40, 20)
-    elif way == 'volume':
+    elif route == 'volume':
         grid = VolumeGrid((x - 4.0, y - 4.0, z), (0.25, 0.0, 0.0), (0.0, 0.25, 0.01),
                           (0.0, 0.0, 0.5), 30, 25, 3)
     points, shape = grid.points(), grid.shape
-    if way == 'hills':
+    if route == 'hills':
         points = hills(grid)
         plan = plan_backprojection(ImagePoints.of_grid(PointGrid(points)), *args)
     else:
         plan = plan_backprojection(grid, *args)
-    if way in ('polar', 'parts'):  # a way for larger images than these
+    if route in ('polar', 'parts'):  # a route for larger images than these
         polar = plan_polar(grid, *echoes[1:], block.radar, block.n_samples, target_db)
-        plan = dataclasses.replace(plan, way=polar)
-        assert isinstance(polar.parts, AzimuthParts) == (way == 'parts')
+        plan = dataclasses.replace(plan, route=polar)
+        assert isinstance(polar.parts, AzimuthParts) == (route == 'parts')
     image, compiled = (backprojected(name, plan, echoes, shape) for name in ('reference', 'cpu'))
     known = np.isfinite(points).all(axis=-1)
-    ways = {'hills': 'points', 'parts': 'polar', 'wall': 'lines', 'volume': 'lines'}
-    assert plan.method == ways.get(way, way)
+    routes = {'hills': 'points', 'parts': 'polar', 'wall': 'lines', 'volume': 'lines'}
+    assert plan.method == routes.get(route, route)
     allowed_db = plan.predicted_error_db + CHANCE_DB
     assert error_db(image[known], exact(block, points[known])) <= allowed_db
     assert error_db(compiled, image) <= allowed_db
@@ -110,7 +110,7 @@ def test_only_windows_and_interpolators_of_the_plan_are_left(make_scene, error_d
     assert error_db(image, exact(scene.block, scene.grid.points())) < -125.0
 
 
-def _afbp_plan(scene, target_db, way):
+def _afbp_plan(scene, target_db, route):
     """Plan of the sub-apertures, and the predicted error of the map."""
     grid, block = scene.grid, scene.block
     band = None if block.compressed else PhaseHistory(block.radar, block.n_samples)
@@ -119,9 +119,9 @@ def _afbp_plan(scene, target_db, way):
                                        band)
     plan = plan_subapertures(cover.polar, block.radar, block.n_samples, *centres,
                              target_db=polar_db, cover=cover, band=band,
-                             pulses_per_subaperture=16 if way == 'beams' else 48)
+                             pulses_per_subaperture=16 if route == 'beams' else 48)
     beams = None
-    if way == 'beams':  # a way for larger images than these
+    if route == 'beams':  # a route for larger images than these
         some = [tuple(a[p].reshape(-1, 3) for a in centres) for p in plan.sampling.pulses]
         beams = plan_beams(plan.coarse, plan.radar, plan.lattice, some, target_db - 6.0,
                            plan.range_m[1] - plan.range_m[0])
@@ -141,14 +141,14 @@ def _fused(name, plan, scene, weights):
 
 
 @pytest.mark.parametrize('target_db', [-50.0, -60.0])
-@pytest.mark.parametrize(('way', 'options'), [
+@pytest.mark.parametrize(('route', 'options'), [
     ('directly', {'range_m': 1000.0, 'height_m': 300.0}),
     ('directly', {'range_m': 3000.0, 'history': True}),
     ('beams', {'range_m': 3000.0, 'channels': 2, 'bend_m': 2.0}),
     ('beams', {'range_m': 1000.0, 'history': True})])
-def test_afbp(make_scene, error_db, way, options, target_db):
+def test_afbp(make_scene, error_db, route, options, target_db):
     scene = make_scene(pulses=144, **options)
-    plan, predicted_db = _afbp_plan(scene, target_db, way)
+    plan, predicted_db = _afbp_plan(scene, target_db, route)
     block = scene.block
     weights = (0.5 + 0.5 * np.sin(0.02 * np.arange(block.n_pulses))).astype(np.float32)
     image, compiled = (_fused(name, plan, scene, weights) for name in ('reference', 'cpu'))
