@@ -25,9 +25,9 @@ RADAR = RadarParameters(10e9, 300e6, 400e6, 6.2e-6, pulse_length_s=2e-7,
 # A simulated device whose third block finds no memory. The interpreter imports it at its start.
 DEVICE = """
 from sar_imaging.backends import DeviceError
-from sar_imaging.backends.cuda.samples import compression
+from sar_imaging.backends.cuda import transfers
 
-room, calls = compression._room, []
+room, calls = transfers._room, []
 
 def fail(shape):
     calls.append(shape)
@@ -35,7 +35,7 @@ def fail(shape):
         raise DeviceError('out of device memory: none is free')
     return room(shape)
 
-compression._room = fail
+transfers._room = fail
 """
 
 

@@ -121,10 +121,12 @@ class InputWatch:
         return f'nobody publishes there, {self._type} is on {", ".join(others)}; {self._advice}'
 
     def _has_source(self, topic: str) -> bool:
-        """Whether a node publishes there that is no stage: those tell their progress."""
-        return any(not any(name.endswith(f'/{end.node_name}/progress')
-                           for name, _ in self._outputs(end.node_name, end.node_namespace))
-                   for end in self._node.get_publishers_info_by_topic(topic))
+        """Whether another node publishes there that is no stage: those tell their progress."""
+        me = self._node.get_name(), self._node.get_namespace()
+        senders = {(end.node_name, end.node_namespace)
+                   for end in self._node.get_publishers_info_by_topic(topic)} - {me}
+        return any(not any(name.endswith(f'/{sender[0]}/progress')
+                           for name, _ in self._outputs(*sender)) for sender in senders)
 
     def _outputs(self, name: str, namespace: str) -> list[tuple[str, list[str]]]:
         try:

@@ -21,6 +21,12 @@ class Graph:
     def __init__(self, outputs):
         self._outputs = outputs
 
+    def get_name(self):
+        return 'watching'
+
+    def get_namespace(self):
+        return '/'
+
     def get_topic_names_and_types(self):
         return [(topic, [TYPE]) for topics in self._outputs.values() for topic in topics]
 
@@ -44,5 +50,6 @@ def test_outputs_of_stages_are_no_pulses():
 
     stage = {'range_compression': ['/range_profiles', '/range_compression/progress']}
     assert told(**stage) == f'nobody publishes {TYPE}; is the driver running?'
+    assert told(watching=['/pulses_of_mine']) == told(**stage)
     assert told(**stage, driver=['/radar/pulses'], ended=['/old']) == (
         f'nobody publishes there, {TYPE} is on /old, /radar/pulses; remap pulses')
