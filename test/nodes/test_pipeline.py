@@ -121,9 +121,10 @@ def test_a_pipeline_that_cannot_keep_up_leaves_out_whole_apertures(make_chain, p
     observer.wait_for_counters('sar_pipeline', part='backprojection', images_published=n_images,
                                pulses_missing=0)
     log = chain.log('sar_pipeline')
-    # The worker may take a block between the refusal and its report.
-    assert len(re.findall(r'is left out: \d+ blocks wait already', log)) == 9 - n_images
-    assert log.count(f'{length} pulses, missing none') == n_images
+    # The worker may take a block between the refusal and its report; a burst is told in part.
+    told = len(re.findall(r'is left out: \d+ blocks wait already', log))
+    untold = sum(map(int, re.findall(r'(\d+) more messages were not logged', log)))
+    assert 0 < told <= 9 - n_images <= told + untold
     for image in observer.wait_for('image_complex', n_images):
         error_db = psf.error_db(complex_from_message(image), grid, np.arange(length))
         assert error_db < LARGEST_ERROR_DB
