@@ -16,7 +16,7 @@ from ..imaging.image import Image
 from ..imaging.imager import plan_image
 from ..imaging.methods import AFBP
 from ..planning.afbp.plan import AfbpPlan
-from ..planning.local_spectrum import Limits
+from ..planning.afbp.subapertures import Limits
 from ..planning.plan import total_db
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters

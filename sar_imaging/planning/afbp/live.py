@@ -20,12 +20,11 @@ from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
 from ..echo_power import echo_powers
 from ..interpolators import Interpolator
-from ..local_spectrum import LocalSpectrum, local_spectrum
 from ..plan import LIVE_SHARES, remaining_db, total_db
 from ..polar_cover import DEAPODISED_TAPS, PolarCover, margin
 from .plan import AfbpPlan, check_arguments
 from .polar_grids import cover_for_fusion
-from .subapertures import plan_subapertures
+from .subapertures import LocalSpectrum, local_spectrum, plan_subapertures
 
 _SAMPLES_PER_SIDE = 5  # map positions at which errors are looked up
 _WAVENUMBERS = 5  # of the band

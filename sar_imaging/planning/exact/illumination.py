@@ -20,6 +20,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,8 +41,10 @@ from ..profiles import (
     RangeResampling,
     middle_of_pass,
 )
-from .backprojection import GridLines
-from .polar_image import AzimuthParts, plan_parts
+
+if TYPE_CHECKING:
+    from .backprojection import GridLines
+    from .polar_image import AzimuthParts
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -518,11 +521,14 @@ class LitPolar:
             cover = cover_of(asked_db)
         return found
 
-    def parts(self, cover: PolarCover, wanted_db: float) -> AzimuthParts | None:
-        """As `plan_parts`, with lines enough for the amplitudes."""
+    def parts(self, parts_of: Callable, wanted_db: float) -> AzimuthParts | None:
+        """Parts with lines enough for the amplitudes.
+
+        ``parts_of(error_db)`` gives them as if amplitudes were even, or None.
+        """
         asked_db = wanted_db
         for _ in range(_TRIES):
-            parts = plan_parts(cover, asked_db)
+            parts = parts_of(asked_db)
             if parts is None:
                 return None
             frequency = np.repeat(parts.frequency, [e.stop - e.start for e in parts.echoes])

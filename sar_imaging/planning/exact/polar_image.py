@@ -225,7 +225,8 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     polar, n_pixels = cover.polar, grid.n_x * grid.n_y
     if polar.n_range * polar.n_alpha > 3 * n_pixels + 100_000:
         return None
-    parts = (planner.parts if planner else plan_parts)(cover, budget['azimuth upsampling'])
+    parts_of, parts_db = functools.partial(plan_parts, cover), budget['azimuth upsampling']
+    parts = planner.parts(parts_of, parts_db) if planner else parts_of(parts_db)
     lattice = None
     if parts is not None:
         lattice = _lattice_of_parts(parts, cover, tx_m, rx_m, profiles_db, illumination)
