@@ -169,7 +169,7 @@ mutation-campaign:
 
 # Results go to benchmarks/results; other flights than those of the documents with SEED.
 autofocus-campaign: environment
-	@$(RUN) -m benchmarks.autofocus_flights --flights $${FLIGHTS:-200} --first $${SEED:-62000}
+	@$(RUN) -m benchmarks.autofocus_flights --flights $${FLIGHTS:-200} --first $${SEED:-62117}
 	@$(RUN) -m benchmarks.autofocus_flights --widths --flights 6 --first 80000
 	@$(RUN) -m benchmarks.autofocus_flights --out-of-reach --flights 60 --first 63000
 	@$(RUN) -m benchmarks.autofocus_flights --rails $${DATA:-../shared/data}
