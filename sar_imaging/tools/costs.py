@@ -169,7 +169,7 @@ def experiments(name: str = 'cpu', scenes: Scenes | None = None) -> Iterator[Exp
         Backend whose costs are wanted: ``'cpu'`` or ``'cuda'``. Samples and images lie on a
         device beforehand, and the way there is timed by itself.
     scenes : Scenes, optional
-        `scenes.PROCESSOR` or `scenes.DEVICE` if left out.
+        `PROCESSOR` or `DEVICE` if left out.
 
     Raises
     ------

@@ -722,7 +722,6 @@ _PIECES = 32  # of a job
 _FIRST_BEAM, _FIRST_CELL = 1 - BEAM_TAPS // 2, 1 - CELL_TAPS // 2  # of the neighbours
 
 
-
 def summed_cells(segment: int) -> int:
     """Cells that a segment is interpolated from, from the beginning of a line of the cache on."""
     return -(-(segment + CELL_TAPS + ALIGNED) // TILE) * TILE
@@ -773,7 +772,7 @@ def interpolate_beams(beams, shape, lines, centre, track, range_m, direction, cy
     work, jobs : (T * work_size(segment),) float32, int
         Work space of T tasks, and the address of a `job_counter`.
     lit : (3, n_lines, K) float32 or None
-        Amplitude of echoes by their phase from beam to beam, `lit_lines.parabolas`; None where all
+        Amplitude of echoes by their phase from beam to beam, `LitLines.parabolas`; None where all
         pixels are lit alike.
     lit_apart : int
         Segments between its knots.

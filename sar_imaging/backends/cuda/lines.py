@@ -158,8 +158,8 @@ def add_lit_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero
 cycles_zero, ramp, image, layout :
         As of `add_lines`.
     amplitude : (K, R) float32
-        At the knots of `lit_lines.knot_positions`: groups of lines, places, knots; those of the
-        group that the first line is in come first.
+        At the knots of `planning.exact.illumination.knot_positions`: groups of lines, places,
+        knots; those of the group that the first line is in come first.
     between : (n_lines,) float32
         How far a line lies from the knot before it to the next.
     apart, first : int

@@ -1,9 +1,9 @@
 """A job read, its recordings found and scanned, and the work divided into pieces.
 
-- `job`, `reading`: what is to be made, from a YAML file;
+- `job`: what is to be made, from a YAML file;
 - `finding`: folders, globs, lists and STAC catalogues of recordings;
 - `scanning`, `scans`: what a recording tells: its apertures, or why it is lost;
-- `apertures`, `prediction`: how one image is divided, and what its pieces take;
+- `apertures`: how one image is divided, and what its pieces take;
 - `division`, `plan`: all pieces of a job, and what they take together;
 - `pieces`: what one task computes, and what it tells when it is done;
 - `windows`: whole pixels of the map's lattice, and its tiles;

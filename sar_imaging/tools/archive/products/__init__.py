@@ -1,10 +1,9 @@
 """What pieces compute on a worker, and what they write.
 
 - `compute`: the work of each kind of piece;
-- `aperture_images`, `pulses`, `surface`: images of apertures, and their error at some pixels;
-- `looks`: strips and mosaics;
-- `coherence_tiles`: coherence of pairs of passes;
-- `rasters`, `sicd_images`: files for other programs;
+- `aperture_images`, `surface`: images of apertures, and their error at some pixels;
+- `tiles`: strips and mosaics, and coherence of pairs of passes;
+- `files`: GeoTIFF and SICD for other programs;
 - `catalogue`, `report`: where everything came from, and a picture;
 - `provenance`: pixels of the mosaic against correlation from the recordings;
 - `storage`: arrays on disk.
