@@ -14,11 +14,11 @@ from pathlib import Path
 
 from ...files import naming
 from ...formats import read_sicd, write_geotiff
-from ...formats.cphd import Collection, CphdReader, write_cphd
+from ...formats.cphd import Collection, CphdError, CphdReader, write_cphd
 from ...geometry.alignment import Alignment
 from ...geometry.earth import Datum
 from ...geometry.grids import MapGrid
-from ...geometry.illumination import Antenna
+from ...geometry.illumination import Antenna, AntennaPattern, Illumination
 from ...signal.positioning import PointingFinder, locate
 from ...signal.pulses import PulseBlock
 from ..ending import run_command
@@ -56,12 +56,10 @@ def recording_to_cphd(source: Path, target: Path, arguments: argparse.Namespace)
     antenna = recording.antenna and recording.antenna.amplitudes()
     warning = '' if antenna is None or first.pointing is not None else (
         '\nwarning: written without its antenna: pulses do not tell where it looked')
-    n = write_cphd(
-        target, with_progress(itertools.chain([first], blocks), len(recording.counter)), datum,
-        scene, collection=_named(collection, arguments),
-        domain=arguments.domain, sample_type=arguments.sample_type,
-        antenna=None if warning else antenna, overwrite=arguments.force)
-    return f'{target}: {n} pulses{warning}'
+    _write_cphd(source, target, with_progress(itertools.chain([first], blocks),
+                                              len(recording.counter)),
+                arguments, datum, scene, collection, None if warning else antenna)
+    return f'{target}: {len(recording.counter)} pulses{warning}'
 
 
 def cphd_to_recording(source: Path, target: Path, arguments: argparse.Namespace) -> str:
@@ -88,20 +86,32 @@ def cphd_to_recording(source: Path, target: Path, arguments: argparse.Namespace)
 def cphd_to_cphd(source: Path, target: Path, arguments: argparse.Namespace) -> str:
     """A CPHD file of other version, domain, type of samples, or names."""
     with _reader(source, arguments) as reader:
-        write_cphd(target, with_progress(reader.blocks(), reader.n_pulses), reader.datum,
-                   reader.map_grid(), collection=_named(reader.collection, arguments),
-                   domain=arguments.domain, sample_type=arguments.sample_type,
-                   antenna=reader.illumination, overwrite=arguments.force)
+        _write_cphd(source, target, with_progress(reader.blocks(), reader.n_pulses), arguments,
+                    reader.datum, reader.map_grid(), reader.collection, reader.illumination)
         return _report(target, f'{reader.n_pulses} pulses', reader)
 
 
 def sicd_to_geotiff(source: Path, target: Path, arguments: argparse.Namespace) -> str:
     """A complex image on a level plane as the map of its levels, dB."""
-    if target.exists() and not arguments.force:
-        raise BagError(f'{target} exists already; choose another path or add --force')
+    _check_target(target, arguments)
     product = read_sicd(source)
     place = write_geotiff(target, product.image, datum_of(arguments) or product.datum)
     return f'{target}: {product.image.shape[0]} by {product.image.shape[1]} pixels, {place.crs}'
+
+
+def _write_cphd(source: Path, target: Path, blocks: Iterator[PulseBlock],
+                arguments: argparse.Namespace, datum: Datum, scene: MapGrid,
+                collection: Collection, antenna: AntennaPattern | Illumination | None) -> None:
+    _check_target(target, arguments)
+    with naming(source, 'cannot be written as CPHD', CphdError):
+        write_cphd(target, blocks, datum, scene, collection=_named(collection, arguments),
+                   domain=arguments.domain, sample_type=arguments.sample_type, antenna=antenna,
+                   overwrite=arguments.force)
+
+
+def _check_target(target: Path, arguments: argparse.Namespace) -> None:
+    if target.exists() and not arguments.force:
+        raise BagError(f'{target} exists already; choose another path or add --force')
 
 
 def datum_of(arguments: argparse.Namespace) -> Datum | None:
