@@ -86,7 +86,7 @@ arguments = dict(
             'convert = sar_imaging.tools.exchange.convert:main',
             'info = sar_imaging.tools.exchange.info:main',
             'calibrate = sar_imaging.tools.calibrate:main',
-            'load = sar_imaging.tools.loading.load:main',
+            'load = sar_imaging.tools.load:main',
         ],
     },
     options={'develop': {'script_dir': EXECUTABLES}, 'install': {'install_scripts': EXECUTABLES}},

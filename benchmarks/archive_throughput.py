@@ -24,9 +24,9 @@ import numpy as np
 
 from sar_imaging.configuration.scene_grid import GridChoice
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.recordings import open_source
 from sar_imaging.simulation.survey import Survey
 from sar_imaging.tools.products import forming
-from sar_imaging.tools.products.sources import open_source
 from sar_imaging.tools.simulate_archive import TRUTH_FILE, write_archive
 
 from .support import fastsar_archive

@@ -37,11 +37,11 @@ from tqdm import tqdm
 from sar_imaging.autofocus.models import Geometry
 from sar_imaging.autofocus.offset_search import BEYOND_S, visible_phase
 from sar_imaging.autofocus.track import PhaseCentreTrack
-from sar_imaging.loading import load
 from sar_imaging.nodes import backprojection_steps
 from sar_imaging.nodes.images.autofocus import ImageFocus
 from sar_imaging.nodes.runtime.stage import COMMON_PARAMETERS
 from sar_imaging.quality import contrast
+from sar_imaging.recordings import load
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.echoes import EchoSimulator

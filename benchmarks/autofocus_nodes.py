@@ -25,8 +25,10 @@ from tqdm import tqdm
 
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.poses import PoseTable
-from sar_imaging.loading import load
 from sar_imaging.quality import contrast
+from sar_imaging.recordings import bag_io, load
+from sar_imaging.recordings.bag_io import split
+from sar_imaging.recordings.truth import make_truth
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
@@ -39,9 +41,6 @@ from sar_imaging.tools.node_processes import (
     parameters_from_truth,
     pipeline_parameters,
 )
-from sar_imaging.tools.recordings import bag_io
-from sar_imaging.tools.recordings.truth import make_truth
-from sar_imaging.tools.recordings.writing import split
 
 from .autofocus_flights import FOCUSED
 from .support.machine import machine

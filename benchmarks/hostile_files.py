@@ -228,7 +228,7 @@ def prepare(images: bool = True) -> None:
     for module in ('info', 'convert'):
         importlib.import_module(f'sar_imaging.tools.exchange.{module}')
     for module in ('products.image', 'products.change', 'products.doctor', 'check_config',
-                   'products.radar_constant', 'calibrate', 'loading.load', 'layouts',
+                   'products.radar_constant', 'calibrate', 'load', 'layouts',
                    'archive.archive', 'simulate', 'simulate_archive', 'measure_costs'):
         importlib.import_module(f'sar_imaging.tools.{module}')
     for module in ('h5py', 'rasterio', 'sarkit.cphd', 'sarkit.sicd', 'scipy.io', 'jbpy',

@@ -31,6 +31,7 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Float32MultiArray
 
 from sar_imaging.configuration.parameters import read_configuration
+from sar_imaging.recordings import bag_io
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.simulation.scenarios.catalogue import configured_scenario
 from sar_imaging.tools.launching import find_config
@@ -42,7 +43,6 @@ from sar_imaging.tools.node_processes import (
     parameters_from_truth,
     pipeline_parameters,
 )
-from sar_imaging.tools.recordings import bag_io
 
 from .support.machine import machine
 

@@ -23,6 +23,7 @@ import traceback
 import numba
 import numpy as np
 
+from sar_imaging.recordings import bag_io
 from sar_imaging.tools.node_processes import (
     AFBP_NODES,
     NODES,
@@ -31,7 +32,6 @@ from sar_imaging.tools.node_processes import (
     parameters_from_truth,
     pipeline_parameters,
 )
-from sar_imaging.tools.recordings import bag_io
 
 from .support.live_flight import PRF_HZ, PULSES_PER_APERTURE, PULSES_PER_MESSAGE, Flight, grid
 from .support.live_system import Fed, System, difference_db

@@ -17,12 +17,12 @@ from sar_imaging.autofocus import Autofocus
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.radiometry import multilook
+from sar_imaging.recordings import open_source
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.echoes import EchoSimulator, two_way_delays
 from sar_imaging.simulation.trials.track_errors import flawed_aperture
-from sar_imaging.tools.products.sources import open_source
 
 from .exploitation_figures import decibels, moving_scene
 

@@ -75,7 +75,6 @@ MODULES = {
     'sar_imaging.tools.archive.products': ('check_mosaic',),
     'sar_imaging.tools.archive.workflow': ('run_archive',),
     'sar_imaging.tools.plots': ('save_image_png',),
-    'sar_imaging.tools.products.sources': ('open_source',),
     'sar_imaging.tools.simulate_archive': ('write_archive',),
 }
 

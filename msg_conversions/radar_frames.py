@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from sar_imaging.loading.frames import FrameError, RawFrame
+from sar_imaging.recordings.frames import FrameError, RawFrame
 
 
 @dataclasses.dataclass(frozen=True)

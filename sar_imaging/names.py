@@ -1,9 +1,11 @@
-"""Names that a user writes into files: what is said of one that nobody knows."""
+"""Names that nobody knows, or that went elsewhere: what is said of them."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+import importlib
+import warnings
+from collections.abc import Callable, Iterable
 
 
 def advice_on(name: object, known: Iterable[str]) -> str:
@@ -35,3 +37,25 @@ def advice_on(name: object, known: Iterable[str]) -> str:
     close = (difflib.get_close_matches(str(name), known, 1)
              or [other for other in known if other.startswith(f'{name}_')])
     return f'did you mean {close[0]}?' if close else f'expected one of {", ".join(known)}'
+
+
+def moved(module: str, home: str, names: Iterable[str]) -> Callable[[str], object]:
+    """The `__getattr__` of a module whose names went elsewhere: a warning says where they are.
+
+    Parameters
+    ----------
+    module, home : str
+        Where they were and are.
+    names : iterable of str
+        What went there.
+    """
+    names = frozenset(names)
+
+    def find(name: str):
+        if name not in names:
+            raise AttributeError(f'module {module!r} has no attribute {name!r}')
+        warnings.warn(f'{module}.{name} is now {home}.{name}; the old name goes with the next '
+                      'release', DeprecationWarning, stacklevel=2)
+        return getattr(importlib.import_module(home), name)
+
+    return find

@@ -10,12 +10,13 @@ import scipy.fft
 from hypothesis import settings
 
 from sar_imaging.geometry import MapGrid
+from sar_imaging.geometry.earth import Datum
 from sar_imaging.imaging.correlation import correlate
+from sar_imaging.recordings import bag_io, open_source
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.spectra import band_spectrum
 from sar_imaging.signal.waveforms import lfm_spectrum, n_pulse_samples
-from sar_imaging.tools.recordings import bag_io
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -108,6 +109,24 @@ def spotlight():
 @pytest.fixture(scope='session')
 def psf():
     return Recording('psf')
+
+
+@pytest.fixture(scope='session')
+def spotlight_bag():
+    """Folder of a recording of ten scatterers, two apertures."""
+    return ROOT / 'bags' / 'spotlight'
+
+
+@pytest.fixture(scope='session')
+def spotlight_cphd(spotlight_bag, tmp_path_factory):
+    """Its second aperture as CPHD, at 47.3 degrees north."""
+    pytest.importorskip('sarkit', reason='the extra formats is not installed')
+    from sar_imaging.formats.cphd import write_cphd
+
+    source = open_source(spotlight_bag)
+    path = tmp_path_factory.mktemp('cphd') / 'spotlight.cphd'
+    write_cphd(path, source.read(1e7), Datum(47.3, 8.5, 430.0, 20.0), source.grid)
+    return path
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,8 +11,8 @@ import sys
 import numpy as np
 import pytest
 
+from sar_imaging.recordings.bag_io import read_poses, read_truth
 from sar_imaging.tools import command
-from sar_imaging.tools.recordings.bag_io import read_poses, read_truth
 
 ROOT = pathlib.Path(__file__).parent.parent
 SET_UP = ('source', 'alias')  # lines that prepare a terminal

@@ -20,7 +20,8 @@ ROOT = pathlib.Path(__file__).parent.parent
 PACKAGES = ('msg_conversions', 'sar_imaging')
 MODULES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob('*.py'))
 # Rooms that may know ROS; everything else is arrays in, arrays out.
-ROS_ROOMS = ('msg_conversions', 'sar_imaging/nodes', 'sar_imaging/tools', 'sar_imaging/launch')
+ROS_ROOMS = ('msg_conversions', 'sar_imaging/nodes', 'sar_imaging/recordings', 'sar_imaging/tools',
+             'sar_imaging/launch')
 
 # Import names whose rosdep key is not the name itself.
 ROSDEP_KEYS = {
@@ -260,6 +261,8 @@ def _defined(path) -> set[str]:
             names.add(node.name)
         elif isinstance(node, ast.alias):
             names.add(node.asname or node.name)
+        elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == '_HOMES':
+            names.update(ast.literal_eval(node.value))  # imported when they are used first
     return names
 
 

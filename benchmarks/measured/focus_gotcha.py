@@ -19,8 +19,8 @@ from scipy.interpolate import CubicSpline
 from sar_imaging.autofocus.live import live_autofocus
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.loading import load
 from sar_imaging.quality import contrast, entropy, measure_scatterer
+from sar_imaging.recordings import load
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.signal.range_compression import RangeCompressor

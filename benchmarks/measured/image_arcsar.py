@@ -26,8 +26,14 @@ from sar_imaging.autofocus.tiles import bright_points
 from sar_imaging.geometry.grids import Grid, MapGrid
 from sar_imaging.geometry.illumination import Antenna
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.loading import DescriptionError, Loaded, find_description, load, read_description
 from sar_imaging.quality import measure_scatterer
+from sar_imaging.recordings import (
+    DescriptionError,
+    Loaded,
+    find_description,
+    load,
+    read_description,
+)
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.tools.plots import save_image_png

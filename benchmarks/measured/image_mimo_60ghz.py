@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 from sar_imaging.exploitation.calibration import Balance, balance_channels
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.loading import load
+from sar_imaging.recordings import load
 from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor

@@ -27,8 +27,8 @@ from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.poses import PoseTable, PoseTrack
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.loading import Loaded, load
 from sar_imaging.quality import measure_scatterer
+from sar_imaging.recordings import Loaded, load
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT

@@ -13,10 +13,10 @@ import numpy as np
 
 from sar_imaging.geometry import MapGrid
 from sar_imaging.quality.verification import measure_error
+from sar_imaging.recordings import open_source
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import Waveform
 from sar_imaging.signal.spectra import band_spectrum
-from sar_imaging.tools.products.sources import open_source
 
 from . import fastsar_imagers
 

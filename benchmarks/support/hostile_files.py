@@ -127,8 +127,8 @@ def _geotiff(folder):
 
 
 def _bag(folder, with_poses=False):
-    from sar_imaging.tools.recordings.bag_io import write_bag
-    from sar_imaging.tools.recordings.truth import make_truth
+    from sar_imaging.recordings.bag_io import write_bag
+    from sar_imaging.recordings.truth import make_truth
 
     block = pulses()
     truth = make_truth(
@@ -1007,7 +1007,7 @@ def _sqlite_file(content: bytes) -> Iterator[Damage]:
 
 def _truth_file(content: bytes) -> Iterator[Damage]:
     """The truth within the metadata of a bag."""
-    from sar_imaging.tools.recordings.bag_io import TRUTH_KEY
+    from sar_imaging.recordings.bag_io import TRUTH_KEY
 
     tree = yaml.safe_load(content)
     custom = tree['rosbag2_bagfile_information']['custom_data']
@@ -1067,7 +1067,7 @@ def geotiff(path):
 
 @_call
 def bag(path):
-    from sar_imaging.tools.products.sources import open_source
+    from sar_imaging.recordings import open_source
     return sum(block.n_pulses for block in open_source(path).read(1e9))
 
 

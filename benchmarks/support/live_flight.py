@@ -12,6 +12,7 @@ import numpy as np
 
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.imager import plan_image
+from sar_imaging.recordings import bag_io
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
@@ -19,7 +20,6 @@ from sar_imaging.simulation.scenarios import WAVELENGTH_M
 from sar_imaging.simulation.scenarios.scenario import Scenario, receive_array
 from sar_imaging.simulation.scene import Scatterer
 from sar_imaging.simulation.trajectory import Trajectory, Vibration
-from sar_imaging.tools.recordings import bag_io
 from sar_imaging.tools.simulate import scenario_truth
 
 SECONDS = 60

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.measured.image_arcsar import arm_angles
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.loading import load
+from sar_imaging.recordings import load
 from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock, concatenate

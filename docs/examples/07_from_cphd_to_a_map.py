@@ -20,7 +20,7 @@ from sar_imaging import MapGrid, plan_image
 from sar_imaging.formats import write_geotiff
 from sar_imaging.formats.cphd import Collection, CphdReader, write_cphd
 from sar_imaging.geometry import Datum
-from sar_imaging.tools.recordings import read_blocks
+from sar_imaging.recordings import read_blocks
 
 # %%
 # A file to begin with

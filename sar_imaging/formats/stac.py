@@ -73,7 +73,7 @@ def write_stac_item(path: os.PathLike | str, image: Image, datum: Datum,
     >>> from sar_imaging import MapGrid, plan_image
     >>> from sar_imaging.formats import Acquisition, write_geotiff, write_stac_item
     >>> from sar_imaging.geometry import Datum
-    >>> from sar_imaging.tools.recordings import read_blocks
+    >>> from sar_imaging.recordings import read_blocks
     >>> block, datum = next(read_blocks('bags/spotlight')), Datum(47.0, 8.0, 450.0)
     >>> image = plan_image(MapGrid((0.0, 0.0, 0.0), 32, 32, 0.5), block.radar, block.n_samples,
     ...                    compressed=False)(block)

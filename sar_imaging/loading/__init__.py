@@ -1,11 +1,7 @@
-"""Load any measured data from a description in YAML: arrays, times, poses, radar parameters.
+"""Former place of `sar_imaging.recordings`, which a warning names; goes with the next release."""
 
-`load` reads a description and the files that it names; docs/loading.md lists all keys.
-"""
+from ..names import moved
 
-from ..geometry.poses import PoseTable
-from .description import DescriptionError, find_description, read_description, shipped_names
-from .load import Loaded, load
-
-__all__ = ['DescriptionError', 'Loaded', 'PoseTable', 'find_description', 'load',
-           'read_description', 'shipped_names']
+__getattr__ = moved(__name__, 'sar_imaging.recordings', (
+    'DescriptionError', 'Loaded', 'PoseTable', 'find_description', 'load', 'read_description',
+    'shipped_names'))

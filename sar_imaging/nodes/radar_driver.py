@@ -17,9 +17,9 @@ from msg_conversions.radar_frames import (
     read_info,
     short_name,
 )
-from sar_imaging.loading import DescriptionError, read_description
-from sar_imaging.loading.frames import FrameConverter, FrameError
-from sar_imaging.loading.samples import AXES, KEYS as SAMPLE_KEYS
+from sar_imaging.recordings import DescriptionError, read_description
+from sar_imaging.recordings.frames import FrameConverter, FrameError
+from sar_imaging.recordings.samples import AXES, KEYS as SAMPLE_KEYS
 from sar_imaging.signal.pulses import PulseBlock
 
 from .runtime.block_output import UNTAKEN, BlockOutput

@@ -137,7 +137,7 @@ def locate(block: PulseBlock, track: PoseTrack | PoseTable, alignment: Alignment
     block : PulseBlock
         Pulses, with or without positions.
     track : PoseTrack or PoseTable
-        Of the platform, such as `loading.load` gives it.
+        Of the platform, such as `recordings.load` gives it.
     alignment : Alignment
         Between the two.
     mount : Mount, optional

@@ -2,7 +2,6 @@
 
 `command` is the one program `sar-imaging`, of which the others are commands. What they share:
 
-- `recordings`: rosbag2 recordings of pulses, written, read and indexed;
 - `evaluation`: a recording replayed through node processes, and its image measured;
 - `costs`: what the operations of the compiled backend cost on this machine;
 - `launching`, `node_processes`: nodes started by launch files and by programs.

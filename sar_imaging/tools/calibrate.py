@@ -23,8 +23,8 @@ from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
 
+from ..recordings.bag_io import read_blocks, read_truth
 from .ending import run_command
-from .recordings.bag_io import read_blocks, read_truth
 
 MOST_PIXELS = 200_000  # of the scene to balance over; coarser pixels above
 

@@ -25,7 +25,7 @@ COMMANDS = {
     ('info',): 'exchange.info',
     ('compile',): 'compile_kernels',
     ('measure-costs',): 'measure_costs',
-    ('load',): 'loading.load',
+    ('load',): 'load',
     ('archive',): 'archive.archive',
     ('image',): 'products.image',
     ('radar-constant',): 'products.radar_constant',

@@ -28,6 +28,8 @@ from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.quality import ScattererQuality, measure_scatterer
 
+from ..recordings.bag_io import pose_messages, raw_messages
+from ..recordings.recording import Aperture, Recording, read_recording
 from .ending import run_command
 from .evaluation import examination, node_launch
 from .evaluation.examination import summary
@@ -43,8 +45,6 @@ from .node_processes import (
     node_names,
 )
 from .plots import save_image_png
-from .recordings.bag_io import pose_messages, raw_messages
-from .recordings.recording import Aperture, Recording, read_recording
 
 PRODUCTS = ('image.npy', 'image.png', 'quality.json')
 START_TIMEOUT_S = 180.0  # importing and compiling on a slow machine

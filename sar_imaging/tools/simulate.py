@@ -19,11 +19,10 @@ from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.simulation.scenarios.catalogue import configured_scenario
 from sar_imaging.simulation.scenarios.scenario import Scenario
 
+from ..recordings.bag_io import check_target, with_progress, write_bag
+from ..recordings.truth import antenna_truth, make_truth
 from .ending import run_command
 from .launching import named_config
-from .recordings.bag_io import check_target, write_bag
-from .recordings.truth import antenna_truth, make_truth
-from .recordings.writing import with_progress
 
 _EPILOG = """\
 The recording is a rosbag2 folder (mcap) with the topic /pulses. The same command gives the same

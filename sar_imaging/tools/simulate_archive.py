@@ -21,9 +21,9 @@ from sar_imaging.geometry.earth import Datum
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.simulation.survey import Survey, SurveyRecording
 
+from ..recordings.bag_io import BagError, write_bag
+from ..recordings.truth import make_truth
 from .ending import run_command
-from .recordings.bag_io import BagError, write_bag
-from .recordings.truth import make_truth
 
 TRUTH_FILE = 'archive.json'
 FORMATS = ('bag', 'cphd')

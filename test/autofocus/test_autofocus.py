@@ -23,8 +23,8 @@ from sar_imaging.autofocus import (
 from sar_imaging.autofocus.search import detrend, differentiate, sharpness
 from sar_imaging.autofocus.tiles import Tiles
 from sar_imaging.geometry import MapGrid
-from sar_imaging.loading import load
 from sar_imaging.quality import contrast, error_db
+from sar_imaging.recordings import load
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.trials.track_errors import flawed_aperture, moved_rigidly
 

@@ -17,8 +17,8 @@ from sar_imaging.autofocus.offset_search import BEYOND_S, OffsetSearch, visible_
 from sar_imaging.autofocus.track import PhaseCentreTrack
 from sar_imaging.backends import backend, optional_entry
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.loading import load
 from sar_imaging.quality import contrast
+from sar_imaging.recordings import load
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters

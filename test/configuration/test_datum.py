@@ -6,10 +6,10 @@ import yaml
 from sar_imaging.configuration.parameters import default_file, interpret, load_tree
 from sar_imaging.configuration.positions import check_positions, position_rows
 from sar_imaging.geometry.earth import Datum
+from sar_imaging.recordings.bag_io import read_truth
+from sar_imaging.recordings.recording import read_recording
 from sar_imaging.tools import simulate
 from sar_imaging.tools.node_processes import parameters_from_truth
-from sar_imaging.tools.recordings.bag_io import read_truth
-from sar_imaging.tools.recordings.recording import read_recording
 
 PLACE = {'source': 'parameters', 'latitude_deg': 47.25, 'longitude_deg': 8.5, 'height_m': 450.0,
          'heading_deg': 12.5}

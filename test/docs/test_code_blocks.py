@@ -28,7 +28,7 @@ RUN_BY = {
     'docs/configuration.md': 'configuration/test_documentation.py',
     'docs/evaluate.md': 'quality/test_quality.py',
     'docs/wire_format.md': 'msg_conversions/test_documented_format.py',
-    'docs/preparing_radar_data.md': 'tools/recordings/test_preparing_radar_data.py'}
+    'docs/preparing_radar_data.md': 'recordings/test_preparing_radar_data.py'}
 # What a block or a line contains that is read but not run, and why.
 NOT_RUN = {
     'from launch import': 'needs the package launch of a ROS installation',

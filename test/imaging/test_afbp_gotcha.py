@@ -8,11 +8,11 @@ import pytest
 from benchmarks.support.references import exact_image
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.loading import load
+from sar_imaging.recordings import load
+from sar_imaging.recordings.bag_io import split
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
-from sar_imaging.tools.recordings.writing import split
 
 MEASURED = pathlib.Path(__file__).parents[3] / 'shared' / 'data' / 'gotcha_pass1_hh'
 GRID = MapGrid.from_size((0.0, 0.0, 0.0), 100.0, 100.0, 0.1)

@@ -10,8 +10,8 @@ from benchmarks.support.references import exact_image
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.loading import load
 from sar_imaging.quality.verification import measure_error
+from sar_imaging.recordings import load
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters, Waveform
 from sar_imaging.signal.dechirp import fmcw_parameters
 from sar_imaging.signal.positioning import locate

@@ -25,6 +25,7 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Float32MultiArray, UInt32
 from std_srvs.srv import Trigger
 
+from sar_imaging.recordings import bag_io
 from sar_imaging.tools.node_processes import (
     AFBP_NODES,
     NODES,
@@ -35,7 +36,6 @@ from sar_imaging.tools.node_processes import (
     parameters_from_truth,
     pipeline_parameters,
 )
-from sar_imaging.tools.recordings import bag_io
 
 # Of every node, and those of type Trigger that only some have.
 SERVICES = {'change_state': ChangeState, 'get_state': GetState, 'set_parameters': SetParameters,

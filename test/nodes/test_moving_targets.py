@@ -15,8 +15,8 @@ from msg_conversions.point_cloud import GEOGRAPHIC_FIELDS, from_message
 from sar_imaging.exploitation.movers.moving_targets import LiveMovingTargets, MovingTargetFinder
 from sar_imaging.geometry import Datum, MapGrid
 from sar_imaging.nodes.runtime.managed import LATCHED
+from sar_imaging.recordings import bag_io
 from sar_imaging.simulation.scenarios import moving_targets
-from sar_imaging.tools.recordings import bag_io
 from sar_imaging.tools.simulate import scenario_truth
 
 GRID = MapGrid.from_size((0.0, 0.0, 0.0), 40.0, 40.0, 0.5)

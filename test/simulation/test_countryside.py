@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from benchmarks.support.references import exact_image
+from sar_imaging.recordings import read_blocks
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.simulation.scene import Clutter
-from sar_imaging.tools.recordings.bag_io import read_blocks
 
 BAG = pathlib.Path(__file__).parents[2] / 'bags' / 'countryside'
 

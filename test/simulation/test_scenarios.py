@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from sar_imaging.imaging.correlation import correlate
+from sar_imaging.recordings import read_blocks
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.signal.spectra import band_spectrum
 from sar_imaging.simulation.scenarios import SCENARIOS
-from sar_imaging.tools.recordings.bag_io import read_blocks
 
 BAGS = pathlib.Path(__file__).parents[2] / 'bags'
 

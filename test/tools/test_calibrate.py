@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.recordings.bag_io import write_bag
+from sar_imaging.recordings.truth import make_truth
 from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 from sar_imaging.simulation.echoes import EchoSimulator
 from sar_imaging.tools import calibrate
-from sar_imaging.tools.recordings.bag_io import write_bag
-from sar_imaging.tools.recordings.truth import make_truth
 
 RADAR = RadarParameters(carrier_hz=10e9, bandwidth_hz=300e6, sample_rate_hz=400e6,
                         first_sample_delay_s=2 * 480.0 / 299_792_458.0)

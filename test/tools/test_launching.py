@@ -10,8 +10,8 @@ import shlex
 import pytest
 import yaml
 
+from sar_imaging.recordings.bag_io import ODOMETRY_TOPIC, TOPIC
 from sar_imaging.tools import launching
-from sar_imaging.tools.recordings.bag_io import ODOMETRY_TOPIC, TOPIC
 
 ROOT = pathlib.Path(launching.__file__).parents[2]
 FILES = sorted((ROOT / 'sar_imaging' / 'launch').glob('*.launch.py'))

@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='rclpy comes as wheels for Linux on x86-64 only')
 
+from sar_imaging.recordings import bag_io
 from sar_imaging.tools.node_processes import (
     NodeProcessError,
     NodeProcesses,
@@ -17,7 +18,6 @@ from sar_imaging.tools.node_processes import (
     isolated_environment,
     parameters_from_truth,
 )
-from sar_imaging.tools.recordings import bag_io
 
 PSF = Path(__file__).resolve().parents[2] / 'bags' / 'psf'
 pytestmark = pytest.mark.nodes

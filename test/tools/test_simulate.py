@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from sar_imaging.configuration.parameters import default_file, read_configuration
+from sar_imaging.recordings.bag_io import raw_messages, read_blocks, read_truth
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.simulation.scenarios import SCENARIOS
 from sar_imaging.simulation.scenarios.scenario import Scenario
 from sar_imaging.tools import simulate
-from sar_imaging.tools.recordings.bag_io import raw_messages, read_blocks, read_truth
 
 BAGS = pathlib.Path(__file__).parents[2] / 'bags'
 COMMANDS = re.findall(r'^python -m sar_imaging\.tools\.simulate (.+)$',

@@ -7,9 +7,9 @@ import pytest
 
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.imaging.imager import plan_image
+from sar_imaging.recordings import open_source
 from sar_imaging.simulation.survey import Survey
 from sar_imaging.tools.command import main
-from sar_imaging.tools.products.sources import open_source
 from sar_imaging.tools.simulate_archive import BROKEN, TRUTH_FILE, write_archive
 
 # 8 recordings, 2 passes of 2 lines, 2 apertures each

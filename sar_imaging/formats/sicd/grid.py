@@ -234,7 +234,7 @@ def sicd_grid(acquisition: Acquisition, centre_m, range_size_m: float, cross_siz
     Examples
     --------
     >>> from sar_imaging.formats import Acquisition, sicd_grid
-    >>> from sar_imaging.tools.recordings import read_blocks
+    >>> from sar_imaging.recordings import read_blocks
     >>> acquisition = Acquisition.of(read_blocks('bags/spotlight'))
     >>> grid = sicd_grid(acquisition, (0.0, 0.0, 0.0), range_size_m=40.0, cross_size_m=30.0)
     >>> down, right = (float((step @ step) ** 0.5) for step in grid.steps_m)

@@ -196,7 +196,7 @@ def read_sicd(path: os.PathLike | str) -> ImageProduct:
     >>> from sar_imaging import plan_image
     >>> from sar_imaging.formats import Acquisition, read_sicd, sicd_grid, write_sicd
     >>> from sar_imaging.geometry import Datum
-    >>> from sar_imaging.tools.recordings import read_blocks
+    >>> from sar_imaging.recordings import read_blocks
     >>> block = next(read_blocks('bags/spotlight'))
     >>> acquisition = Acquisition.of(block)
     >>> grid = sicd_grid(acquisition, (0.0, 0.0, 0.0), 8.0, 8.0)

@@ -65,7 +65,7 @@ def write_sicd(path: os.PathLike | str, image: Image, datum: Datum, acquisition:
     >>> from sar_imaging import plan_image
     >>> from sar_imaging.formats import Acquisition, sicd_grid, write_sicd
     >>> from sar_imaging.geometry import Datum
-    >>> from sar_imaging.tools.recordings import read_blocks
+    >>> from sar_imaging.recordings import read_blocks
     >>> block = next(read_blocks('bags/spotlight'))
     >>> acquisition = Acquisition.of(block, polarisation='V:V', collector='drone 7')
     >>> grid = sicd_grid(acquisition, (0.0, 0.0, 0.0), 8.0, 8.0)

@@ -11,10 +11,10 @@ from ...diagnosis import Diagnosis, diagnose
 from ...geometry.alignment import Alignment
 from ...geometry.grids import MapGrid
 from ...quality.measures import FocusFigure, focus_figure
+from ...recordings.bag_io import deserialise, raw_messages, read_poses
+from ...recordings.recording import Recording
 from ...signal.positioning import locate
 from ...signal.pulses import PulseBlock, concatenate
-from ..recordings.bag_io import deserialise, raw_messages, read_poses
-from ..recordings.recording import Recording
 
 IN_FOCUS = (FOCUSED, FOCUSED_ALREADY)  # verdicts of autofocus
 _MOST_BYTES = 512e6  # of samples that are read for it

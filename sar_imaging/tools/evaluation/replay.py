@@ -22,7 +22,7 @@ from std_msgs.msg import Float32MultiArray, UInt32
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.pulses.sequence import counter_distance
 
-from ..recordings.bag_io import deserialise
+from ...recordings.bag_io import deserialise
 
 # What may be on its way through the nodes: below the depth of the middleware's queues (50
 # messages of 32 pulses behind pulse_buffer) and of the shared memory segment.

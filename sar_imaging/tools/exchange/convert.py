@@ -19,14 +19,29 @@ from ...geometry.alignment import Alignment
 from ...geometry.earth import Datum
 from ...geometry.grids import MapGrid
 from ...geometry.illumination import Antenna, AntennaPattern, Illumination
+from ...recordings.bag_io import (
+    BagError,
+    check_target,
+    read_blocks,
+    read_poses,
+    split,
+    with_progress,
+    write_bag,
+)
+from ...recordings.kinds import (
+    CPHD,
+    GEOTIFF,
+    RECORDING,
+    SICD,
+    UnknownKindError,
+    kind_of,
+    kind_of_target,
+)
+from ...recordings.recording import Recording, read_recording
+from ...recordings.truth import antenna_truth, make_truth
 from ...signal.positioning import PointingFinder, locate
 from ...signal.pulses import PulseBlock
 from ..ending import run_command
-from ..recordings.bag_io import BagError, check_target, read_blocks, read_poses, write_bag
-from ..recordings.recording import Recording, read_recording
-from ..recordings.truth import antenna_truth, make_truth
-from ..recordings.writing import split, with_progress
-from .kinds import CPHD, GEOTIFF, RECORDING, SICD, UnknownKindError, kind_of, kind_of_target
 
 _TOLD = ('collector_name', 'core_name', 'classification', 'release_info', 'mode_type')
 _PIXELS_PER_RESOLUTION = 2

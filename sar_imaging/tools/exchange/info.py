@@ -20,10 +20,10 @@ from ...formats.cphd import CphdReader
 from ...formats.sicd.container import SicdContainer
 from ...formats.sicd.reader import Fields
 from ...geometry.earth import Datum
+from ...recordings.kinds import CPHD, GEOTIFF, RECORDING, SICD, kind_of
+from ...recordings.recording import read_recording
 from ...signal.radar import RadarParameters, Waveform
 from ..ending import run_command
-from ..recordings.recording import read_recording
-from .kinds import CPHD, GEOTIFF, RECORDING, SICD, kind_of
 
 _LABEL_WIDTH = 14
 _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)

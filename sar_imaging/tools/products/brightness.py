@@ -24,7 +24,7 @@ from sar_imaging.radiometry import (
 )
 from sar_imaging.radiometry.brightness import OF_THE_GROUND
 
-from .sources import Source, SourceError, pointing_of
+from ...recordings.sources import Source, SourceError, pointing_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -26,13 +26,13 @@ from ...geometry.earth import Datum
 from ...geometry.grids import MapGrid, PlaneGrid
 from ...imaging.image import Image
 from ...quality import focus_figure
+from ...recordings.kinds import SICD, kind_of
+from ...recordings.sources import Source, SourceError, open_source
 from ...signal.magnitudes import SPEED_OF_LIGHT
 from ..ending import run_command
-from ..exchange.kinds import SICD, kind_of
 from ..plots import save_image_png, save_values_png
 from . import forming
 from .report import Section, write_report
-from .sources import Source, SourceError, open_source
 
 _IMAGE_SHARE = forming.IMAGE_SHARE / 4  # two images, and what tells their difference
 _SQUARE = 0.02  # relative difference of steps up to which a picture is drawn to scale

@@ -22,12 +22,12 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.poses import PoseStatus
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 
+from ...recordings.bag_io import BagError, read_blocks, read_poses, read_truth
+from ...recordings.kinds import RECORDING, kind_of
+from ...recordings.sources import SourceError, open_source
 from ..ending import run_command
-from ..exchange.kinds import RECORDING, kind_of
-from ..recordings.bag_io import BagError, read_blocks, read_poses, read_truth
 from . import forming
 from .figures import save_signal_png
-from .sources import SourceError, open_source
 
 _MOST_BYTES = 512e6  # of samples that are looked at
 _FAULTY, _UNTOLD = 3, 4  # exit status

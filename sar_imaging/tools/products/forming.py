@@ -20,9 +20,9 @@ from sar_imaging.memory import available_bytes
 from sar_imaging.quality.verification import Verification, measure_error
 from sar_imaging.signal.radar import Waveform
 
-from ..exchange.kinds import RECORDING
-from ..recordings.bag_io import read_truth
-from .sources import Source, SourceError
+from ...recordings.bag_io import read_truth
+from ...recordings.kinds import RECORDING
+from ...recordings.sources import Source, SourceError
 
 IMAGE_SHARE = 0.5  # of the memory, for the image and what is made of it
 _BLOCK_SHARE = 0.1  # for the samples of a block; its profiles are resampled more finely

@@ -18,10 +18,10 @@ from sar_imaging.configuration.scene_grid import GridChoice, choose_grid
 from sar_imaging.quality import measure_scatterer
 from sar_imaging.radiometry import RadarConstant, noise_power, trihedral_cross_section_m2
 
+from ...recordings.sources import Source, SourceError, open_source
 from ..ending import run_command
 from . import forming
 from .brightness import respond, write_constant
-from .sources import Source, SourceError, open_source
 
 _CELLS = 32.0  # resolution cells along a side of the image of the reflector
 _CUT_CELLS = 6.0

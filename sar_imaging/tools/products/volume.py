@@ -20,9 +20,9 @@ from sar_imaging.quality.verification import Verification
 from sar_imaging.radiometry import RadarConstant
 from sar_imaging.radiometry.scale import RCS
 
+from ...recordings.sources import Source, SourceError
 from . import brightness, forming
 from .figures import save_volume_png
-from .sources import Source, SourceError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

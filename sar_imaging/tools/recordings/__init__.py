@@ -1,8 +1,7 @@
-"""Recordings: rosbag2 files of pulse blocks with their truth and the platform's poses."""
+"""Former place of `sar_imaging.recordings`, which a warning names; goes with the next release."""
 
-from .bag_io import BagError, read_blocks, read_poses, read_truth, write_bag
-from .recording import Recording, read_recording
-from .truth import make_truth
+from ...names import moved
 
-__all__ = ['BagError', 'Recording', 'make_truth', 'read_blocks', 'read_poses',
-           'read_recording', 'read_truth', 'write_bag']
+__getattr__ = moved(__name__, 'sar_imaging.recordings', (
+    'BagError', 'Recording', 'make_truth', 'read_blocks', 'read_poses', 'read_recording',
+    'read_truth', 'write_bag'))

@@ -11,11 +11,11 @@ import pytest
 from benchmarks.measured import image_arcsar
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.illumination import Antenna
-from sar_imaging.loading import load
+from sar_imaging.recordings import load
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.echoes import EchoSimulator
 from sar_imaging.tools.evaluate import main as evaluate
-from sar_imaging.tools.loading.load import main as load_recording
+from sar_imaging.tools.load import main as load_recording
 
 MEASURED = (pathlib.Path(__file__).parents[4] / 'shared' / 'data' / 'arcsar_77ghz'
             / 'Prova_Esterna_7.bin')

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.measured import image_mimo_60ghz
 from benchmarks.support.references import exact_image
-from sar_imaging.loading import load
+from sar_imaging.recordings import load
 from sar_imaging.simulation.echoes import EchoSimulator
 
 MEASURED = (pathlib.Path(__file__).parents[4] / 'shared' / 'data' / 'mimo_sar_60ghz'

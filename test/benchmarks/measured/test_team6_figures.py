@@ -11,9 +11,9 @@ from matplotlib.image import imread
 
 from benchmarks.measured import team6_figures
 from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.recordings import bag_io
+from sar_imaging.recordings.truth import make_truth
 from sar_imaging.simulation import SCENARIOS
-from sar_imaging.tools.recordings import bag_io
-from sar_imaging.tools.recordings.truth import make_truth
 
 GRID = MapGrid.from_size((2.0, 1.0, 0.0), 4.0, 6.0, 0.05)
 PLACE = [2.5, 0.0, 0.0]

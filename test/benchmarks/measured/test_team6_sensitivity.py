@@ -17,7 +17,7 @@ from benchmarks.measured.team6_sensitivity import (
     scan,
     with_attitudes,
 )
-from sar_imaging.loading import load
+from sar_imaging.recordings import load
 
 MEASURED = pathlib.Path(__file__).parents[4] / 'shared' / 'data' / 'bwsi2019_team6_rail'
 

@@ -8,7 +8,7 @@ import pytest
 from sar_imaging.formats import Acquisition, read_sicd, sicd_grid, write_sicd
 from sar_imaging.geometry import Datum
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.loading import load
+from sar_imaging.recordings import load
 
 from .checker import failures
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from msg_conversions.images import complex_from_message, map_metadata_from_message
-from sar_imaging.tools.recordings import bag_io
+from sar_imaging.recordings import bag_io
 
 LARGEST_ERROR_DB = {'image': -80.0, 'subapertures': -60.0}  # what is planned for by default
 # From the first image. Sums of float32 in another order: 1e-6. The plan of AFBP depends on how

@@ -17,10 +17,10 @@ from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float32MultiArray, String
 
+from sar_imaging.recordings import bag_io
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 from sar_imaging.tools.node_processes import NODES
-from sar_imaging.tools.recordings import bag_io
 
 from ..conftest import Nodes
 

@@ -16,8 +16,8 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float32MultiArray
 
 from msg_conversions import WireFormatError, pulse_block
+from sar_imaging.recordings import bag_io
 from sar_imaging.tools.node_processes import AFBP_NODES, NODES, PIPELINE
-from sar_imaging.tools.recordings import bag_io
 
 from .flight import BLOCK, Flight
 

@@ -11,8 +11,8 @@ from std_msgs.msg import Float32MultiArray
 from std_srvs.srv import Trigger
 
 from msg_conversions.images import complex_from_message, map_metadata_from_message
+from sar_imaging.recordings import bag_io
 from sar_imaging.tools.node_processes import NODES, parameters_from_truth
-from sar_imaging.tools.recordings import bag_io
 
 LARGEST_ERROR_DB = -80.0  # what backprojection plans for by default
 

@@ -24,6 +24,8 @@ from sar_imaging.nodes.runtime.parameters import ConfigurationError
 from sar_imaging.nodes.runtime.stage import COMMON_PARAMETERS
 from sar_imaging.nodes.sar_pipeline import SarPipelineNode
 from sar_imaging.quality import contrast, error_db
+from sar_imaging.recordings import bag_io
+from sar_imaging.recordings.bag_io import odometry_messages, split
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
@@ -33,9 +35,6 @@ from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
 from sar_imaging.tools.node_processes import NODES, PIPELINE
-from sar_imaging.tools.recordings import bag_io
-from sar_imaging.tools.recordings.bag_io import odometry_messages
-from sar_imaging.tools.recordings.writing import split
 
 LENGTH = 128
 EXPECTED = {'autofocus.track_error': 0.05}

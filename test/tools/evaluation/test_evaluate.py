@@ -21,18 +21,18 @@ from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality import contrast, entropy, error_db
+from sar_imaging.recordings import bag_io
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.tools import load
 from sar_imaging.tools.evaluate import main
 from sar_imaging.tools.evaluation.observer import counter_increase
-from sar_imaging.tools.loading import load
 from sar_imaging.tools.node_processes import (
     NodeProcesses,
     free_domain,
     isolated_environment,
     parameters_from_truth,
 )
-from sar_imaging.tools.recordings import bag_io
 
 ROOT = Path(__file__).resolve().parents[3]
 PSF, SPOTLIGHT = ROOT / 'bags' / 'psf', ROOT / 'bags' / 'spotlight'

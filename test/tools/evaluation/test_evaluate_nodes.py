@@ -16,12 +16,12 @@ pytest.importorskip('rclpy', reason='rclpy comes as wheels for Linux on x86-64 o
 from sar_imaging.configuration.parameters import default_file
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.poses import PoseTable
+from sar_imaging.recordings import bag_io
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.tools import simulate
 from sar_imaging.tools.evaluate import main, parser
 from sar_imaging.tools.evaluation.node_launch import LaunchError, plan_launch
 from sar_imaging.tools.node_processes import AFBP_NODES, NODES, PIPELINE, free_domain
-from sar_imaging.tools.recordings import bag_io
 
 ROOT = Path(__file__).resolve().parents[3]
 PSF = ROOT / 'bags' / 'psf'

@@ -12,9 +12,9 @@ from std_msgs.msg import Float32MultiArray, UInt32
 
 from msg_conversions import WireFormatError
 from msg_conversions.pulse_block import from_message
+from sar_imaging.recordings import bag_io
 from sar_imaging.tools.evaluation.replay import MAX_MESSAGES, Replayer, ReplayError
 from sar_imaging.tools.node_processes import free_domain
-from sar_imaging.tools.recordings import bag_io
 
 pytestmark = pytest.mark.nodes
 

@@ -11,11 +11,10 @@ from sar_imaging.formats.cphd import CphdReader
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.illumination import Antenna, Pointing
 from sar_imaging.imaging.imager import plan_image
+from sar_imaging.recordings import bag_io, open_source, read_recording
+from sar_imaging.recordings.truth import antenna_truth
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.tools.command import main
-from sar_imaging.tools.products.sources import open_source
-from sar_imaging.tools.recordings import bag_io, read_recording
-from sar_imaging.tools.recordings.truth import antenna_truth
 
 ROOT = Path(__file__).resolve().parents[3]
 GOTCHA = ROOT.parent / 'shared/data/gotcha_pass1_hh'
@@ -88,8 +87,8 @@ def test_image_of_gotcha(tmp_path):
         pytest.skip('the Gotcha files are not in ../shared/data')
     from sarkit.verification import CphdConsistency
 
-    from sar_imaging.loading import load
-    from sar_imaging.tools.loading.load import truth_of
+    from sar_imaging.recordings import load
+    from sar_imaging.tools.load import truth_of
 
     gotcha = load('gotcha', GOTCHA)
     block = gotcha.block.select(slice(0, None, 6))

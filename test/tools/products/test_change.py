@@ -10,9 +10,9 @@ import pathlib
 import numpy as np
 import pytest
 
+from sar_imaging.recordings import open_source
 from sar_imaging.simulation.scenarios.catalogue import BASELINE_M, CAR_M, TERRACE_HEIGHT_M
 from sar_imaging.tools.command import main
-from sar_imaging.tools.products.sources import open_source
 
 DATUM = ('47.3', '8.5', '400', '30')
 # a third of the pixels in the middle of the terrace, of 193 by 193 of 0.25 m around 0, 0

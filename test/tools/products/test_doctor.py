@@ -10,9 +10,9 @@ import numpy as np
 
 from benchmarks.support.doctor_cases import right_case
 from benchmarks.support.doctor_faults import FAULTS
+from sar_imaging.recordings.bag_io import write_bag
+from sar_imaging.recordings.truth import make_truth
 from sar_imaging.tools.products import doctor
-from sar_imaging.tools.recordings.bag_io import write_bag
-from sar_imaging.tools.recordings.truth import make_truth
 
 ROOT = pathlib.Path(__file__).parents[3]
 

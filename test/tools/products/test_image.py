@@ -17,8 +17,8 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality import error_db, measure_scatterer
+from sar_imaging.recordings import sources
 from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
-from sar_imaging.tools.products import sources
 from sar_imaging.tools.products.figures import save_acquisition_png
 
 DATUM = Datum(47.3, 8.5, 430.0, 20.0)  # of the CPHD file

@@ -11,8 +11,8 @@ import yaml
 
 from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.illumination import AntennaPattern, PatternCut, Pointing
+from sar_imaging.recordings import open_source
 from sar_imaging.tools.products.brightness import respond
-from sar_imaging.tools.products.sources import open_source
 
 PSF = pathlib.Path(__file__).parents[3] / 'bags' / 'psf'  # amplitude 1, 10 km away
 AT = ('--reflector', '10000', '0', '0')

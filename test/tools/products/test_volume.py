@@ -9,8 +9,8 @@ import pytest
 
 from sar_imaging.geometry import VolumeGrid
 from sar_imaging.imaging.correlation import correlate_profiles
+from sar_imaging.recordings import open_source
 from sar_imaging.simulation.scenarios import SCENARIOS
-from sar_imaging.tools.products.sources import open_source
 
 VERTEX = [('x', '<f8'), ('y', '<f8'), ('z', '<f8'), ('intensity', '<f4')]
 

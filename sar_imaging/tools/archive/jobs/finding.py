@@ -15,8 +15,8 @@ from sar_imaging.formats import MissingExtraError, require
 from sar_imaging.formats.cphd import CphdError, CphdReader
 from sar_imaging.geometry.earth import Datum
 
-from ...exchange.kinds import CPHD, RECORDING, UnknownKindError, kind_of
-from ...recordings.bag_io import BagError, read_truth
+from ....recordings.bag_io import BagError, read_truth
+from ....recordings.kinds import CPHD, RECORDING, UnknownKindError, kind_of
 from .job import Job, JobError
 
 _MOST_CATALOGUE_BYTES = 2**26

@@ -17,9 +17,9 @@ from ....formats import MissingExtraError
 from ....formats.cphd import CphdError
 from ....geometry.earth import Datum
 from ....radiometry import BrightnessScale, KnotResponse
-from ...exchange.kinds import UnknownKindError
-from ...products.sources import Source, SourceError, open_apertures, pointing_of
-from ...recordings.bag_io import BagError
+from ....recordings.bag_io import BagError
+from ....recordings.kinds import UnknownKindError
+from ....recordings.sources import Source, SourceError, open_apertures, pointing_of
 from .apertures import Pulses, UndividableError, divide_aperture, surface_points
 from .job import Job
 from .pieces import ArchiveDataError, PieceResult, ScanPiece

@@ -29,10 +29,10 @@ from ....imaging.methods import EXACT
 from ....memory import granting
 from ....planning.costs import DEFAULT, using
 from ....radiometry import BrightnessScale
+from ....recordings.bag_io import BagError, deserialise, raw_messages
+from ....recordings.kinds import CPHD
 from ....signal.pulses import PulseBlock, concatenate
 from ....signal.range_compression import RangeCompressor
-from ...exchange.kinds import CPHD
-from ...recordings.bag_io import BagError, deserialise, raw_messages
 from ..jobs import ApertureScan, ArchiveDataError, ImagePiece, Job, PieceResult, SumPiece, Window
 from ..jobs.apertures import BLOCK_SHARE, room_bytes
 from ..jobs.stored import write_text

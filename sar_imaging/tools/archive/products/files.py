@@ -27,7 +27,7 @@ from ....imaging.imager import plan_image
 from ....imaging.methods import EXACT
 from ....planning.costs import DEFAULT, using
 from ....radiometry import QUANTITIES, BrightnessScale, KnotResponse
-from ...products.sources import Source, lit_acquisition, open_source, pointing_of
+from ....recordings.sources import Source, lit_acquisition, open_source, pointing_of
 from ..jobs import ApertureScan, ArchiveDataError, Job, PieceResult, ProductPiece, Window
 from ..jobs.apertures import BLOCK_SHARE, room_bytes
 from ..jobs.division import SICD_BYTES

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry.earth import Datum
+from sar_imaging.recordings import open_source
+from sar_imaging.recordings.bag_io import read_blocks, read_truth, write_bag
 from sar_imaging.simulation.survey import Survey
 from sar_imaging.tools.archive.jobs import (
     ArchiveDataError,
@@ -21,8 +23,6 @@ from sar_imaging.tools.archive.jobs import (
     scan_recording,
     with_datum,
 )
-from sar_imaging.tools.products.sources import open_source
-from sar_imaging.tools.recordings.bag_io import read_blocks, read_truth, write_bag
 from sar_imaging.tools.simulate_archive import write_archive
 
 SURVEY = Survey(n_recordings=8, apertures=2, lines=2, pixels=64, overlap=0.25, clutter=0,

@@ -11,6 +11,8 @@ import pytest
 pytest.importorskip('zarr', reason='the extra archive is not installed')
 
 from sar_imaging.geometry import Datum, MapGrid
+from sar_imaging.recordings.bag_io import read_blocks, write_bag
+from sar_imaging.recordings.truth import make_truth
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters
 from sar_imaging.simulation import EchoSimulator
 from sar_imaging.tools.archive.jobs import (
@@ -28,8 +30,6 @@ from sar_imaging.tools.archive.jobs import (
     write_scan,
 )
 from sar_imaging.tools.archive.products import compute
-from sar_imaging.tools.recordings.bag_io import read_blocks, write_bag
-from sar_imaging.tools.recordings.truth import make_truth
 
 DATUM = Datum(47.0, 8.0, 400.0, 30.0)
 SPACING_M, TILE = 1.0, 64

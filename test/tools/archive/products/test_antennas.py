@@ -9,6 +9,9 @@ import pytest
 from sar_imaging.geometry import Datum, MapGrid
 from sar_imaging.geometry.illumination import Antenna, Illumination, Pointing
 from sar_imaging.imaging.image import Image
+from sar_imaging.recordings import open_source
+from sar_imaging.recordings.bag_io import write_bag
+from sar_imaging.recordings.truth import antenna_truth, make_truth
 from sar_imaging.tools.archive.jobs import (
     ImagePiece,
     Job,
@@ -21,9 +24,6 @@ from sar_imaging.tools.archive.jobs import (
 from sar_imaging.tools.archive.products import check_mosaic, compute
 from sar_imaging.tools.archive.products.storage import image_array
 from sar_imaging.tools.products import forming
-from sar_imaging.tools.products.sources import open_source
-from sar_imaging.tools.recordings.bag_io import write_bag
-from sar_imaging.tools.recordings.truth import antenna_truth, make_truth
 
 from .conftest import DATUM, N_PULSES, SPACING_M, TILE, fly, scene
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.imaging.correlation import correlate_profiles
+from sar_imaging.recordings.bag_io import serialise
 from sar_imaging.tools.archive.jobs import ArchiveDataError, ImagePiece, SumPiece, Window
 from sar_imaging.tools.archive.products import aperture_images
 from sar_imaging.tools.archive.products.aperture_images import (
@@ -18,7 +19,6 @@ from sar_imaging.tools.archive.products.aperture_images import (
 )
 from sar_imaging.tools.archive.products.storage import IMAGES, PARTIALS, image_array
 from sar_imaging.tools.archive.products.surface import window_grid
-from sar_imaging.tools.recordings.bag_io import serialise
 
 
 def stored(archive, scan):

@@ -12,6 +12,9 @@ from sar_imaging.formats import read_sicd
 from sar_imaging.geometry.illumination import Antenna, Illumination, Pointing
 from sar_imaging.quality.impulse_response import measure_scatterer
 from sar_imaging.radiometry import RadarConstant, brightness
+from sar_imaging.recordings import open_source
+from sar_imaging.recordings.bag_io import write_bag
+from sar_imaging.recordings.truth import antenna_truth, make_truth
 from sar_imaging.tools.archive.jobs import (
     Brightness,
     Job,
@@ -29,9 +32,6 @@ from sar_imaging.tools.archive.jobs.scanning import brightness_scale
 from sar_imaging.tools.archive.products import check_mosaic, compute
 from sar_imaging.tools.archive.products.storage import MOSAIC, image_array
 from sar_imaging.tools.products.brightness import respond
-from sar_imaging.tools.products.sources import open_source
-from sar_imaging.tools.recordings.bag_io import write_bag
-from sar_imaging.tools.recordings.truth import antenna_truth, make_truth
 
 from .conftest import DATUM
 

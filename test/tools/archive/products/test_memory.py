@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from sar_imaging.geometry import MapGrid
+from sar_imaging.recordings.bag_io import write_bag
+from sar_imaging.recordings.truth import make_truth
 from sar_imaging.signal import PulseBlock
 from sar_imaging.tools.archive.jobs import Division, ImagePiece, Window, write_job
 from sar_imaging.tools.archive.products import compute
-from sar_imaging.tools.recordings.bag_io import write_bag
-from sar_imaging.tools.recordings.truth import make_truth
 
 from .conftest import SPACING_M, START_NS, fly, make_archive
 

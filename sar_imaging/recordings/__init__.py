@@ -1,0 +1,27 @@
+"""Recorded pulses: bags, CPHD files, and arrays of any layout by a description in YAML.
+
+`open_source` opens a file of pulses, whatever its format. `load` reads arrays, and messages of a
+radar's driver, by their description, whose keys docs/loading.md lists. `read_blocks`,
+`read_poses`, `read_truth` and `write_bag` read and write bags of pulses (rosbag2).
+"""
+
+import importlib
+
+# Imported when they are used first: the node of a radar's driver needs no reader of files.
+_HOMES = {'BagError': 'bag_io', 'DescriptionError': 'description', 'Loaded': 'arrays',
+          'PoseTable': 'poses', 'Recording': 'recording', 'find_description': 'description',
+          'load': 'arrays', 'make_truth': 'truth', 'open_source': 'sources',
+          'read_blocks': 'bag_io', 'read_description': 'description', 'read_poses': 'bag_io',
+          'read_recording': 'recording', 'read_truth': 'bag_io', 'shipped_names': 'description',
+          'write_bag': 'bag_io'}
+__all__ = list(_HOMES)
+
+
+def __getattr__(name):
+    if name not in _HOMES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(importlib.import_module(f'.{_HOMES[name]}', __name__), name)
+
+
+def __dir__():
+    return sorted([*globals(), *__all__])

@@ -1,1 +1,0 @@
-"""Turn measured data into recordings: the command `load`, ROS bags, and clocks from images."""
