@@ -205,7 +205,7 @@ format-campaign: formats
 # Results of real pieces go to benchmarks/results.
 archive-campaign: archive
 	@ARCHIVE_RESULTS=benchmarks/results/archive_campaign.json \
-	    $(RUN) -m pytest -m campaign test/tools/archive test/docs
+	    $(RUN) -m pytest -m campaign test/archive test/docs
 
 # Results go to benchmarks/results; the file lies in out/ meanwhile, and samples that wait beside it.
 cphd-memory: formats

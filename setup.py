@@ -45,7 +45,7 @@ arguments = dict(
         'tqdm>=4.64,<5',
     ],
     # Formats of files, see sar_imaging.formats; sarkit exists for Python 3.11 and later. Archives,
-    # see sar_imaging.tools.archive, need those too; so does zarr 3.
+    # see sar_imaging.archive, need those too; so does zarr 3.
     extras_require={'formats': ['sarkit>=1.3,<2 ; python_version>="3.11"', 'rasterio>=1.3,<2',
                                 'pyproj>=3.4,<4', 'pystac>=1.8,<2'],
                     'archive': ['sar_imaging[formats]',
@@ -78,7 +78,7 @@ arguments = dict(
             'check_config = sar_imaging.tools.check_config:main',
             'evaluate = sar_imaging.tools.evaluate:main',
             'layouts = sar_imaging.tools.layouts:main',
-            'archive = sar_imaging.tools.archive.archive:main',
+            'archive = sar_imaging.tools.archive:main',
             'image = sar_imaging.tools.products.image:main',
             'change = sar_imaging.tools.products.change:main',
             'radar_constant = sar_imaging.tools.products.radar_constant:main',

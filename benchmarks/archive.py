@@ -19,9 +19,9 @@ import time
 
 import numpy as np
 
+from sar_imaging.archive.jobs import load_scans
+from sar_imaging.archive.products import check_mosaic
 from sar_imaging.simulation.survey import Survey
-from sar_imaging.tools.archive.jobs import load_scans
-from sar_imaging.tools.archive.products import check_mosaic
 from sar_imaging.tools.simulate_archive import TRUTH_FILE, write_archive
 
 from .support.machine import machine

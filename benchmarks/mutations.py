@@ -37,11 +37,11 @@ RESULTS = pathlib.Path(__file__).with_name('results') / 'mutations.json'
 WORK = ROOT / 'build' / 'mutation' / 'work'
 FOLDERS = ('signal', 'geometry', 'autofocus', 'exploitation', 'quality', 'configuration',
            'simulation', 'diagnosis', 'msg_conversions', 'planning', 'backends', 'imaging',
-           'streaming', 'nodes', 'formats', 'recordings', 'radiometry', 'tools')
+           'streaming', 'nodes', 'formats', 'recordings', 'radiometry', 'archive', 'tools')
 # Tests that start processes are measured one by one: processes know no test, but a variable.
 IN_PROCESS = ('msg_conversions', 'geometry', 'signal', 'configuration', 'quality', 'simulation',
               'exploitation', 'autofocus', 'diagnosis', 'planning', 'backends', 'imaging',
-              'streaming', 'formats', 'recordings', 'radiometry', 'tools')
+              'streaming', 'formats', 'recordings', 'radiometry', 'archive', 'tools')
 IN_PROCESSES = ('nodes',)
 NOT_MEASURED = ('fault_campaign', 'two_hosts')  # minutes, or a network of its own
 # One thread each: what threads share is not tried.

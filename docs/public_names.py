@@ -16,9 +16,9 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 # Packages that list names for their neighbours, not for users, and why.
 INTERNAL = {
     'sar_imaging.nodes': 'programs: users meet their topics and parameters, see docs/nodes',
-    'sar_imaging.tools.archive.jobs':
+    'sar_imaging.archive.jobs':
         'steps of the command `archive`: users write job.yaml and call `run_archive`',
-    'sar_imaging.tools.archive.products':
+    'sar_imaging.archive.products':
         'steps of the command `archive`, which writes and describes its products',
 }
 
@@ -71,9 +71,9 @@ MODULES = {
     'sar_imaging.streaming.fusion': ('LiveFusion',),
     'sar_imaging.streaming.mosaic': ('StripMosaic',),
     'sar_imaging.streaming.subapertures': ('LiveSubapertures',),
-    'sar_imaging.tools.archive.jobs': ('read_job',),
-    'sar_imaging.tools.archive.products': ('check_mosaic',),
-    'sar_imaging.tools.archive.workflow': ('run_archive',),
+    'sar_imaging.archive.jobs': ('read_job',),
+    'sar_imaging.archive.products': ('check_mosaic',),
+    'sar_imaging.archive.workflow': ('run_archive',),
     'sar_imaging.tools.plots': ('save_image_png',),
     'sar_imaging.tools.simulate_archive': ('write_archive',),
 }

@@ -7,12 +7,12 @@ import pytest
 import yaml
 from hypothesis import given, strategies as st
 
+from sar_imaging.archive.jobs import JobError, read_job
 from sar_imaging.configuration.parameters import ConfigurationFileError, load_tree
 from sar_imaging.geometry.illumination import Antenna
 from sar_imaging.radiometry import RadarConstant
 from sar_imaging.recordings import DescriptionError, read_description
 from sar_imaging.signal.calibration import CalibrationError, ChannelCalibration
-from sar_imaging.tools.archive.jobs import JobError, read_job
 from sar_imaging.yaml_text import RepeatedKeyError, load_yaml, trouble
 
 PACKAGE = pathlib.Path(__file__).parents[1] / 'sar_imaging'

@@ -43,7 +43,7 @@ NOT_RUN = {
     ' BAG ': "stands for the reader's recording",
     'measure-costs': 'half a minute on an idle machine, test/tools/costs',
     'simulate archive': 'a hundred recordings; a survey of two is made here',
-    'archive survey.yaml': 'the Python of the page does the same; test/tools/archive has the rest',
+    'archive survey.yaml': 'the Python of the page does the same; test/archive has the rest',
     'doctor bags/countryside --output': 'test_doors.py does it'}
 FENCE = re.compile(r'^```(\w*)\n(.*?)^```$', re.DOTALL | re.MULTILINE)
 

@@ -1,0 +1,404 @@
+"""Scan a recording: its apertures, their footprints, phase centres and brightness on the map."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from ...configuration.scene_grid import Coverage
+from ...files import replacing
+from ...formats import MissingExtraError
+from ...formats.cphd import CphdError
+from ...geometry.earth import Datum
+from ...radiometry import BrightnessScale, KnotResponse
+from ...recordings.bag_io import BagError
+from ...recordings.kinds import UnknownKindError
+from ...recordings.sources import Source, SourceError, open_apertures, pointing_of
+from .apertures import Pulses, UndividableError, divide_aperture, surface_points
+from .job import Job
+from .pieces import ArchiveDataError, PieceResult, ScanPiece
+from .scans import ApertureScan, Loss, RecordingScan, antenna_arrays, scale_arrays, turned
+from .stored import SCANS, bring_to_disk, scan_file, write_scan
+from .windows import Window
+
+_FINE, _COARSE = 257, 33  # places along either side: of the area, and at which coverage is asked
+_EDGE = 1e-6  # of the sides of an area, within which a place is on its edge
+
+
+class OutOfSightError(ValueError):
+    """An aperture tells nothing about the map; the text says why."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Footprint:
+    """Part of the map.
+
+    Attributes
+    ----------
+    corners_m : ((x, y), ...) floats
+        In the map's frame, counter-clockwise, metres.
+    window : Window
+        Pixels around it.
+    """
+
+    corners_m: tuple[tuple[float, float], ...]
+    window: Window
+
+
+def moved(points_m: np.ndarray, own: Datum | None, wanted: Datum | None) -> np.ndarray:
+    """(..., 3) points of one frame in another, metres; the same where either stands nowhere."""
+    if own is None or wanted is None or own == wanted:
+        return points_m
+    return wanted.from_ecef(own.to_ecef(points_m))
+
+
+def footprint(source: Source, coverage: Coverage, job: Job, *, alone: bool) -> Footprint:
+    """Footprint of an aperture: the area that is told, as far as its pulses see it.
+
+    - The area: that of the recording, within that of the job; where either tells none, the other.
+    - Ranges: those that all its profiles cover.
+    - Along the track, of a recording with several apertures: what is nearest to this one, as far
+      as the distance between pulses is unambiguous.
+
+    Parameters
+    ----------
+    source : Source
+        The aperture.
+    coverage : Coverage
+        Of its range profiles, in the map's frame.
+    job : Job
+        With the map's frame.
+    alone : bool
+        Whether the recording has no other aperture.
+
+    Raises
+    ------
+    OutOfSightError
+        Nobody tells the area, or nothing of it is seen.
+    """
+    hull = _area(source, job)
+    places = np.concatenate([hull, _raster(hull, _FINE)])
+    places = places[_inside(places, hull)]
+    whole = alone
+    if job.area_m is not None:
+        places, whole = _clipped(places, job.area_m), False
+    if not alone:
+        near = _nearest(places, coverage, job)
+        places, whole = places[near], whole or bool(near.all())
+    corners = hull if whole else _box(places)
+    places = np.concatenate([corners, _raster(corners, _COARSE)])
+    places = places[_inside(places, corners)]
+    seen = coverage.covers(surface_points(job, places))
+    if not seen.any():
+        near, far = coverage.swath_m
+        distance = np.linalg.norm(coverage.centres_m.mean(axis=(0, 1))
+                                  - surface_points(job, places).mean(axis=0))
+        raise OutOfSightError(
+            f'no profile reaches its area: they cover {near:.0f} to {far:.0f} m, and it lies '
+            f'{distance:.0f} m away; check height_m and area_m of the job, and the datum')
+    if not seen.all():
+        corners = _box(places[seen])
+    return Footprint(tuple(map(tuple, corners.tolist())), Window.around(corners, job.spacing_m))
+
+
+def _raster(hull: np.ndarray, n: int) -> np.ndarray:
+    """(n * n, 2) places on the box around some corners."""
+    low, high = hull.min(axis=0), hull.max(axis=0)
+    axes = (np.linspace(a, b, n) for a, b in zip(low, high, strict=True))
+    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+
+
+def _area(source: Source, job: Job) -> np.ndarray:
+    """(N, 2) corners of the area, counter-clockwise, metres of the map's frame."""
+    if source.area_m is not None:
+        points = moved(source.area_m, source.datum, job.datum)[:, :2]
+        try:
+            return points[ConvexHull(points).vertices]
+        except (QhullError, ValueError) as error:
+            raise OutOfSightError(
+                'the area that it names is a line or a point; correct it in the recording, or '
+                'leave it out') from error
+    if job.area_m is None:
+        raise OutOfSightError('it does not state where its scene is; add area_m to the job')
+    return _box(np.array(job.area_m).reshape(2, 2))
+
+
+def _box(points: np.ndarray) -> np.ndarray:
+    (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
+    return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+
+
+def _inside(points: np.ndarray, hull: np.ndarray) -> np.ndarray:
+    """(N,) bool which points lie in a convex polygon, counter-clockwise."""
+    edges = np.roll(hull, -1, axis=0) - hull
+    offsets = points[:, None] - hull
+    cross = edges[:, 0] * offsets[..., 1] - edges[:, 1] * offsets[..., 0]
+    return (cross >= -_EDGE * np.ptp(hull, axis=0).max() ** 2).all(axis=1)
+
+
+def _clipped(places: np.ndarray, area_m) -> np.ndarray:
+    """Places within the job's area; those beyond its edges are moved onto them."""
+    low, high = np.array(area_m[:2]), np.array(area_m[2:])
+    if (places.max(axis=0) < low).any() or (places.min(axis=0) > high).any():
+        raise OutOfSightError('it lies beyond the area_m of the job; enlarge that, or leave it '
+                              'out')
+    return np.clip(places, low, high)
+
+
+def _nearest(places: np.ndarray, coverage: Coverage, job: Job) -> np.ndarray:
+    """(N,) bool which places are abeam of the aperture, as far as they are unambiguous."""
+    track = coverage.centres_m.mean(axis=1)
+    along = (track[-1] - track[0])[:2]
+    length = np.linalg.norm(along)
+    if length == 0.0:
+        return np.ones(len(places), bool)
+    distance = (places - track.mean(axis=0)[:2]) @ (along / length)
+    middle = surface_points(job, places[[np.abs(distance).argmin()]])[0]
+    reach = coverage.unambiguous_m(middle) / 2
+    inside = np.abs(distance) <= reach * (1 + _EDGE)
+    # a spotlight looks ahead or behind: what it names is all unambiguous then
+    return inside if inside.any() and np.ptp(distance) > 2 * reach else np.ones(len(places), bool)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Surface:
+    """Pixels of a window on the map's surface, computed when they are asked for."""
+
+    window: Window
+    job: Job
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.window.shape
+
+    def positions(self, row, column) -> np.ndarray:
+        grid = self.window.grid(self.job.spacing_m, self.job.height_m)
+        places = grid.positions(row, column)
+        return surface_points(self.job, places.reshape(-1, 3)).reshape(places.shape)
+
+
+def brightness_scale(job: Job, pulses: Pulses, window: Window) -> BrightnessScale | None:
+    """Scale of the image of an aperture; None where the job wants none.
+
+    Profiles that are compressed here have no window; those of the recording have that of the job.
+
+    Raises
+    ------
+    ValueError
+        The pulses resolve no area, or are too few.
+    """
+    wanted = job.radiometry
+    if wanted is None:
+        return None
+    response = KnotResponse.of(
+        _Surface(window, job), pulses.radar, pulses.tx_m, pulses.rx_m,
+        pattern=pulses.illumination, pointing=pulses.pointing,
+        weighting='none' if pulses.raw_samples else wanted.window)
+    return BrightnessScale.of(response, wanted.constant, wanted.quantity)
+
+
+_LEAST_SHARE = 0.5  # of the pulses of an aperture
+_SUMMED_BYTES = 2**16  # at either end of a file
+_PARABOLA = 0.25  # of the resolution, by which the Earth may drop below the map's plane
+
+
+def scan_piece(piece: ScanPiece, job: Job, output: Path) -> PieceResult:
+    """Scan a recording and keep what it told.
+
+    Raises
+    ------
+    ArchiveDataError
+        Nothing of it can be imaged; the text says why.
+    OSError
+        The output cannot be written, or the recording not be read for now.
+    """
+    start = time.perf_counter()
+    scan = scan_recording(piece.path, piece.recording, job, output)
+    write_scan(output, scan)  # reports tell losses, too
+    if not scan.apertures:
+        raise ArchiveDataError(scan.losses[0].reason)
+    warnings = [f'{loss.name}: {loss.reason}' for loss in scan.losses]
+    for aperture in scan.apertures:
+        warnings += [f'{aperture.name}: {text}' for text in aperture.warnings]
+    return PieceResult(
+        piece.key, time.perf_counter() - start, warnings=tuple(warnings),
+        files=(scan_file(scan.name), *(aperture.centres for aperture in scan.apertures)),
+        found={'apertures': len(scan.apertures), 'losses': len(scan.losses)})
+
+
+def scan_recording(path: Path, name: str, job: Job, output: Path) -> RecordingScan:
+    """Read through a recording once, and write the phase centres of its apertures.
+
+    Parameters
+    ----------
+    path : Path
+        Recording or CPHD file.
+    name : str
+        Of it in the archive.
+    job : Job
+        With the datum of the map's frame, see `finding.with_datum`.
+    output : Path
+        Folder of the job.
+
+    Returns
+    -------
+    RecordingScan
+        Whatever is wrong with the recording is among its losses.
+
+    Raises
+    ------
+    OSError
+        The phase centres cannot be written, or the recording not be read for now.
+    MissingExtraError
+        A library that its format needs is not installed.
+    """
+    try:
+        sources = open_apertures(path)
+        fingerprint = _fingerprint(path)
+    except MissingExtraError:
+        raise
+    except (SourceError, UnknownKindError) as error:
+        return _lost(name, path, f'{_line(error)}; add what is missing, or leave it out')
+    except (FileNotFoundError, PermissionError, BagError, CphdError) as error:
+        return _lost(name, path, f'{_line(error)}; recover the file, or leave it out')
+    except OSError:
+        raise
+    except Exception as error:  # damaged files fail in many ways
+        return _lost(name, path, f'{path} is damaged ({type(error).__name__}: {_line(error)}); '
+                     'recover the file, or leave it out')
+    apertures, losses = [], []
+    longest = max(source.n_pulses for source in sources)
+    for source in sources:
+        own = name if source.aperture is None else f'{name}_aperture-{source.aperture:03d}'
+        try:
+            apertures.append(_aperture(source, own, name, job, output, fingerprint,
+                                       alone=len(sources) == 1, longest=longest))
+        except (OutOfSightError, UndividableError, SourceError, BagError, ValueError) as error:
+            losses.append(Loss(own, path, _told(error)))
+    return RecordingScan(name, tuple(apertures), tuple(losses))
+
+
+def _lost(name: str, path: Path, reason: str) -> RecordingScan:
+    return RecordingScan(name, losses=(Loss(name, path, reason),))
+
+
+def _line(error: Exception) -> str:
+    return ' '.join(str(error).split()).rstrip('.') or type(error).__name__
+
+
+def _told(error: Exception) -> str:
+    """Why an aperture cannot be imaged, and what to do."""
+    reason = _line(error)
+    return reason if ';' in reason else f'{reason}; correct the recording, or leave it out'
+
+
+def _aperture(source: Source, name: str, recording: str, job: Job, output: Path,
+              fingerprint: str, *, alone: bool, longest: int) -> ApertureScan:
+    """Scan of one aperture, its phase centres written.
+
+    Raises
+    ------
+    ValueError
+        It cannot be imaged.
+    """
+    warnings = list(source.warnings)
+    own = _own_datum(source, job, warnings)
+    _check_pulses(source, longest, warnings)
+    tx_m, rx_m = (moved(centres, own, job.datum) for centres in (source.tx_m, source.rx_m))
+    if not (np.isfinite(tx_m).all() and np.isfinite(rx_m).all()):
+        raise OutOfSightError(
+            'its phase centres are no numbers; recover its poses, or leave it out')
+    compressor = source.compressor()
+    radar, n_samples, raw = ((source.radar, source.n_samples, 0) if compressor is None else
+                             (compressor.output_radar, compressor.n_output, source.n_samples))
+    coverage = Coverage(radar, n_samples, tx_m, rx_m)
+    seen = footprint(source, coverage, job, alone=alone)
+    looks = turned(pointing_of(source), own, job.datum)
+    pulses = Pulses(radar, n_samples, tx_m, rx_m, raw, source.illumination, looks)
+    division = divide_aperture(job, pulses, seen.window)
+    scale = brightness_scale(job, pulses, seen.window)
+    middle = seen.window.grid(job.spacing_m, job.height_m).centre_m
+    warnings += _drop_warning(job, middle)
+    centres = f'{SCANS}/{name}.npz'
+    _write_centres(output / centres, source, tx_m, rx_m,
+                   antenna_arrays(source.illumination, looks) | scale_arrays(scale))
+    stamps = source.stamp_ns
+    return ApertureScan(
+        name=name, path=source.path.absolute(), recording=recording, aperture=source.aperture,
+        fingerprint=fingerprint, kind=source.kind, radar=source.radar, n_pulses=source.n_pulses,
+        n_channels=source.n_channels, n_samples=source.n_samples, compressed=source.compressed,
+        first_ns=int(stamps.min()), last_ns=int(stamps.max()), datum=own,
+        footprint_m=seen.corners_m, window=seen.window,
+        centre_m=tuple(coverage.centres_m.mean(axis=(0, 1)).tolist()),
+        range_m=float(np.median(np.linalg.norm(coverage.centres_m - middle, axis=-1))),
+        reads_bytes=source.n_bytes, division=division, centres=centres,
+        warnings=tuple(warnings), radiometry=scale and scale.radiometry)
+
+
+def _own_datum(source: Source, job: Job, warnings: list[str]) -> Datum | None:
+    """Datum of an aperture's frame."""
+    if source.datum is None and job.datum is not None:
+        if job.datum_from:
+            raise OutOfSightError(
+                f'it has no datum, and the map has that of {job.datum_from}; add one to the '
+                'recording, or a datum to the job where both stand in one frame')
+        warnings.append('has no datum; its frame is taken for that of the job')
+        return job.datum
+    return source.datum
+
+
+def _check_pulses(source: Source, longest: int, warnings: list[str]) -> None:
+    n, missing = source.n_pulses, source.missing
+    if n < max(2, _LEAST_SHARE * longest):
+        raise OutOfSightError(f'it has {n} pulses, others of the recording have {longest}; '
+                              f'expected at least {max(2, round(_LEAST_SHARE * longest))}; '
+                              'recover the rest, or leave it out')
+    if missing:
+        warnings.append(f'{missing} of its {n + missing} pulses are missing')
+    elif n < longest:
+        warnings.append(f'has {n} pulses, others of the recording have {longest}')
+
+
+def _drop_warning(job: Job, middle) -> list[str]:
+    """What the roundness of the Earth does to pixels on a plane."""
+    if job.surface != 'plane' or job.datum is None:
+        return []
+    _, _, height = job.datum.to_geographic(np.asarray(middle))
+    above = float(height) - job.datum.height_m - job.height_m
+    # layover displaces a pixel by about its height above the ground
+    if above <= _PARABOLA * job.spacing_m:
+        return []
+    return [f'the plane of the map is {above:.2f} m above the ellipsoid here, which displaces '
+            'what lies on the ground by about as much: surface: ellipsoid follows it']
+
+
+def _write_centres(path: Path, source: Source, tx_m: np.ndarray, rx_m: np.ndarray,
+                   more: Mapping[str, np.ndarray]) -> None:
+    """Write counters, times, phase centres and more in the map's frame, all or nothing."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    times = np.zeros(0, np.int64) if source.message_ns is None else source.message_ns
+    with replacing(path) as part:
+        with open(part, 'wb') as file:
+            np.savez(file, counter=source.counter, stamp_ns=source.stamp_ns, tx_m=tx_m,
+                     rx_m=rx_m, message_ns=times, **more)
+        bring_to_disk(part)
+
+
+def _fingerprint(path: Path) -> str:
+    """SHA-256 of the sizes of a recording's files, and of how each begins and ends."""
+    files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+    found = hashlib.sha256()
+    for file in files:
+        size = file.stat().st_size
+        found.update(f'{file.name} {size}\n'.encode())
+        with open(file, 'rb') as opened:
+            found.update(opened.read(_SUMMED_BYTES))
+            opened.seek(max(0, size - _SUMMED_BYTES))
+            found.update(opened.read(_SUMMED_BYTES))
+    return found.hexdigest()

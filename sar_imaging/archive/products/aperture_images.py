@@ -1,0 +1,487 @@
+"""Images of apertures on windows of the map: whole, tile by tile, or summed of partial images.
+
+Pulses are streamed from the recording, with phase centres in the map's frame. The error against
+correlation is measured at some random pixels while the pulses pass, so that they are read once.
+Partial images keep what correlation says there; their sum compares the sum.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import shutil
+import time
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numba import get_num_threads, set_num_threads
+
+from ...formats.cphd import CphdError, CphdReader
+from ...formats.tags import told_of
+from ...geometry.illumination import AntennaPattern
+from ...imaging.correlation import correlate_profiles
+from ...imaging.image import Image, Report
+from ...imaging.imager import plan_image
+from ...imaging.methods import EXACT
+from ...memory import granting
+from ...planning.costs import DEFAULT, using
+from ...radiometry import BrightnessScale
+from ...recordings.bag_io import BagError, deserialise, raw_messages
+from ...recordings.kinds import CPHD
+from ...signal.pulses import PulseBlock, concatenate
+from ...signal.range_compression import RangeCompressor
+from ..jobs import ApertureScan, ArchiveDataError, ImagePiece, Job, PieceResult, SumPiece, Window
+from ..jobs.apertures import BLOCK_SHARE, room_bytes
+from ..jobs.stored import write_text
+from .storage import TiledArray, image_array, partial_array
+from .surface import window_grid
+
+_CPHD_WORK = 4  # times the samples that may be taken while they are converted
+
+
+class AperturePulses:
+    """Pulses of an aperture, or neighbouring ones of them, as range profiles.
+
+    Parameters
+    ----------
+    scan : ApertureScan
+        The aperture.
+    output : Path
+        Folder with the phase centres that the scan found.
+    pulses : (int, int), optional
+        Index of the first pulse, by counter, and of the one after the last; all by default.
+
+    Attributes
+    ----------
+    counter, stamp_ns, tx_m, rx_m : arrays (P,), (P,), (P, C, 3), (P, C, 3)
+        Of these pulses, ascending counters; times in nanoseconds, places in metres.
+    radar : RadarParameters
+        Of the profiles.
+    n_samples : int
+        Their length.
+    illumination : AntennaPattern or None
+        Of the recording's antenna; the profiles then have their pointing, in the map's frame.
+    """
+
+    def __init__(self, scan: ApertureScan, output: Path,
+                 pulses: tuple[int, int] | None = None):
+        cut = slice(*(pulses or (0, scan.n_pulses)))
+        found = scan.phase_centres(output)
+        self.scan, self._first = scan, cut.start
+        self.counter, self.stamp_ns, self.tx_m, self.rx_m = (part[cut] for part in found)
+        self.illumination, looks = scan.antenna(output)
+        self._pointing = None if looks is None else looks.select(cut)
+        self._times_ns = _message_times(output / scan.centres, cut)
+        self._compressor = None if scan.compressed else RangeCompressor(scan.radar,
+                                                                        scan.n_samples)
+        self.radar, self.n_samples = (
+            (scan.radar, scan.n_samples) if self._compressor is None else
+            (self._compressor.output_radar, self._compressor.n_output))
+
+    @property
+    def n_pulses(self) -> int:
+        """Number of pulses P."""
+        return len(self.counter)
+
+    @property
+    def pulse_bytes(self) -> int:
+        """Memory of the profiles of one pulse, bytes."""
+        return 8 * self.tx_m.shape[1] * self.n_samples
+
+    @property
+    def profile_bytes(self) -> int:
+        """Memory of all their profiles, bytes."""
+        return self.n_pulses * self.pulse_bytes
+
+    def profiles(self, n_bytes: float) -> Iterator[PulseBlock]:
+        """Range profiles in blocks of some bytes at most, at least one message's or pulse's.
+
+        Raises
+        ------
+        ArchiveDataError
+            The recording cannot be read, or lacks pulses that it had when it was scanned.
+        """
+        n_found = 0
+        try:
+            for block in _joined(self._placed(n_bytes), n_bytes / self.pulse_bytes):
+                n_found += block.n_pulses
+                yield block if self._compressor is None else self._compressor(block)
+        except (BagError, CphdError, ValueError) as error:
+            raise ArchiveDataError(f'{self.scan.path}: {error}') from error
+        if n_found != self.n_pulses:
+            raise ArchiveDataError(
+                f'{self.scan.path} has {n_found} of the {self.n_pulses} pulses of '
+                f'{self.scan.name} that were there when it was scanned: it has changed; take '
+                'another output folder, or put the recording back')
+
+    def _placed(self, n_bytes: float) -> Iterator[PulseBlock]:
+        """Blocks of these pulses, each pulse once, with phase centres of the map's frame."""
+        blocks = self._cphd(n_bytes) if self.scan.kind == CPHD else self._recorded()
+        for index, block in blocks:
+            # the radar of the scan is without the range bias that poses correct
+            looks = None if self._pointing is None else self._pointing.select(index)
+            yield dataclasses.replace(block, radar=self.scan.radar, frame='',
+                                      stamp_ns=self.stamp_ns[index], tx_m=self.tx_m[index],
+                                      rx_m=self.rx_m[index], pointing=looks)
+
+    def _cphd(self, n_bytes: float) -> Iterator[tuple[np.ndarray, PulseBlock]]:
+        """Blocks and the numbers of their pulses among these, which a file has in order."""
+        done = 0
+        with CphdReader(self.scan.path, datum=self.scan.datum) as reader:
+            for block in reader.blocks(memory_bytes=max(1, int(_CPHD_WORK * n_bytes)),
+                                       start=self._first, stop=self._first + self.n_pulses):
+                yield np.arange(done, done + block.n_pulses), block
+                done += block.n_pulses
+
+    def _recorded(self) -> Iterator[tuple[np.ndarray, PulseBlock]]:
+        """The same of a recording, whose messages may come twice or out of order."""
+        scan, missing = self.scan, np.ones(self.n_pulses, bool)
+        for _, cdr in raw_messages(scan.path, *self._times_ns):
+            try:
+                block = deserialise(cdr)
+            except Exception:  # damaged bytes fail in many ways; the scan has counted them
+                continue
+            if block.samples.shape[1:] != (scan.n_channels, scan.n_samples):
+                continue
+            counter = block.counter.astype(np.int64)
+            index = np.minimum(np.searchsorted(self.counter, counter), self.n_pulses - 1)
+            new = (self.counter[index] == counter) & missing[index]
+            new[new] = _first_of_each(index[new])
+            if new.any():
+                missing[index[new]] = False
+                yield index[new], block if new.all() else block.select(new)
+
+
+def _message_times(path: Path, pulses: slice) -> tuple[int, int] | tuple[()]:
+    """When the first message with some pulses was recorded, and after the last; or nothing."""
+    with np.load(path) as file:
+        times = file['message_ns'][pulses] if 'message_ns' in file else ()
+    return (int(np.min(times)), int(np.max(times)) + 1) if len(times) else ()
+
+
+def _first_of_each(index: np.ndarray) -> np.ndarray:
+    """(N,) bool true for the first of equal numbers."""
+    out = np.zeros(len(index), bool)
+    out[np.unique(index, return_index=True)[1]] = True
+    return out
+
+
+def _joined(blocks: Iterator[PulseBlock], most: float) -> Iterator[PulseBlock]:
+    """Neighbouring blocks joined, and long ones cut, up to a number of pulses."""
+    most = max(1, int(most))
+    waiting: list[PulseBlock] = []
+    for block in blocks:
+        while block.n_pulses:
+            room = most - sum(b.n_pulses for b in waiting)
+            waiting.append(block.select(slice(0, room)))
+            block = block.select(slice(room, None))
+            if sum(b.n_pulses for b in waiting) == most:
+                yield concatenate(waiting)
+                waiting = []
+    if waiting:
+        yield concatenate(waiting)
+
+
+_FIGURES, _APERTURE = 'figures', 'aperture.json'
+_AT_ONCE = 1 << 22  # pixels whose energy is summed at a time
+_ROWS_AT_ONCE = 64  # that are scaled
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Checked:
+    """Pixels of a window, and what correlation says there.
+
+    Attributes
+    ----------
+    index : (K,) int64
+        Numbers of pixels, row by row.
+    reference : (K,) complex128
+        Correlation.
+    covered : (K,) bool
+        Whether all profiles reach them.
+    """
+
+    index: np.ndarray
+    reference: np.ndarray
+    covered: np.ndarray
+
+    @classmethod
+    def of(cls, window: Window, number: int, name: str) -> Checked:
+        """Some pixels of a window, the same for all pulses of an aperture."""
+        seed = zlib.crc32(f'{name} {window.as_tuple}'.encode())
+        index = np.random.default_rng(seed).choice(
+            window.n_pixels, min(number, window.n_pixels), replace=False)
+        index = np.sort(index)
+        return cls(index, np.zeros(len(index), np.complex128), np.ones(len(index), bool))
+
+    def add(self, block: PulseBlock, points_m: np.ndarray,
+            illumination: AntennaPattern | None) -> None:
+        """Add the pulses of a block."""
+        if len(self.index):
+            values, covered = correlate_profiles(block, points_m, illumination=illumination)
+            self.reference[:] += values
+            self.covered[:] &= covered
+
+    def figures(self, samples: np.ndarray) -> dict:
+        """Energies of an image: of the error and of all pixels, per pixel that has a value.
+
+        The error of the image is their quotient. It is that of pixels that all profiles cover;
+        the brightest ones are among them by chance only.
+        """
+        values = samples.reshape(-1)[self.index].astype(np.complex128)
+        energy, n_pixels = _energy(samples)
+        n = int(self.covered.sum())
+        missed = np.abs(values - self.reference)[self.covered] ** 2
+        return {'n_checked': n, 'error_power': float(missed.mean()) if n else 0.0,
+                'power': energy / n_pixels if n_pixels else 0.0, 'n_pixels': n_pixels}
+
+
+def error_db(figures: list[dict]) -> float | None:
+    """Error of an image by what was measured in its parts, dB; None where nothing was."""
+    known = [f for f in figures if f['n_checked'] and f['n_pixels']]
+    error = sum(f['error_power'] * f['n_pixels'] for f in known)
+    power = sum(f['power'] * f['n_pixels'] for f in known)
+    return 10 * math.log10(error / power) if error > 0 and power > 0 else None
+
+
+def _energy(samples: np.ndarray) -> tuple[float, int]:
+    """Energy of an image, and how many of its pixels have a value."""
+    flat, energy, n = samples.reshape(-1), 0.0, 0
+    for start in range(0, flat.size, _AT_ONCE):
+        part = flat[start:start + _AT_ONCE]
+        power = np.square(part.real, dtype=np.float64)
+        power += np.square(part.imag, dtype=np.float64)
+        energy += float(power.sum())
+        n += int(np.count_nonzero(power))
+    return energy, n
+
+
+def form_image(piece: ImagePiece, job: Job, output: Path) -> PieceResult:
+    """Form the image of a piece and write it.
+
+    Exact backprojection streams the pulses; any other method, which the division has found
+    quicker and to have room, holds them all. Plans are made with the costs that are the same
+    everywhere, on one thread, so that a piece gives the same bits wherever it runs.
+    """
+    start = time.perf_counter()
+    pulses = AperturePulses(piece.scan, output, piece.pulses)
+    checked = Checked.of(piece.window, job.checked_pixels, piece.scan.name)
+    with using(DEFAULT), one_thread():
+        image = _formed(pulses, job, piece.window, piece.method, checked)
+    figures = checked.figures(image.samples) | _told(image.report)
+    _store(piece, job, output, image.samples, checked, figures)
+    return _result(piece, figures, time.perf_counter() - start)
+
+
+class one_thread:
+    """Numba on one thread, as before afterwards."""
+
+    def __enter__(self):
+        self._before = get_num_threads()
+        set_num_threads(1)
+
+    def __exit__(self, *_):
+        set_num_threads(self._before)
+
+
+def _formed(pulses: AperturePulses, job: Job, window: Window, method: str,
+            checked: Checked) -> Image:
+    """Image of pulses on a window, compared with correlation on the way."""
+    grid = window_grid(window, job)
+    points = np.ascontiguousarray(grid.positions(*np.unravel_index(checked.index, window.shape)))
+    room = room_bytes(job) - (0 if method == EXACT else 2 * pulses.profile_bytes)
+    with granting(max(room, 0)):
+        imager = plan_image(grid, pulses.radar, pulses.n_samples, method=method,
+                            target_db=job.target_db, illumination=pulses.illumination)
+        if method == EXACT:
+            image = imager.new_image()
+            for block in pulses.profiles(BLOCK_SHARE * room):
+                imager.accumulate(block, image)
+                checked.add(block, points, pulses.illumination)
+            return image
+        [block] = pulses.profiles(pulses.profile_bytes)
+        checked.add(block, points, pulses.illumination)
+        return imager(block)
+
+
+def _told(report: Report) -> dict:
+    """What is known of an image, of JSON types."""
+    return {'method': report.method, 'predicted_error_db': report.predicted_error_db,
+            'warnings': list(report.warnings)}
+
+
+def _array(piece: ImagePiece | SumPiece, job: Job, output: Path, partial: str) -> TiledArray:
+    scan = piece.scan
+    if not partial:
+        return image_array(output, scan.name, scan.window, job.tile)
+    return partial_array(output, scan.name, partial, piece.window, job.tile)
+
+
+def _store(piece: ImagePiece | SumPiece, job: Job, output: Path, samples: np.ndarray,
+           checked: Checked, figures: dict) -> None:
+    """Write samples, and then what is known of them, which says that they are complete.
+
+    Samples of a whole image are scaled to the brightness that the job wants, in place.
+    """
+    array = _array(piece, job, output, piece.partial)
+    whole = piece.window if piece.partial else piece.scan.window
+    _create(array, piece, job)
+    scale = _scale(piece, output)
+    for first in range(0, len(samples) if scale else 0, _ROWS_AT_ONCE):
+        rows = slice(first, first + _ROWS_AT_ONCE)
+        samples[rows] *= scale.factors(*_rows(piece.window, rows).within(piece.scan.window))
+    array.write(piece.window, samples, whole)
+    _finish(piece, output, checked, figures)
+
+
+def _scale(piece: ImagePiece | SumPiece, output: Path) -> BrightnessScale | None:
+    """Scale of what a piece writes; None of partial images, whose sum is scaled."""
+    return None if piece.partial else piece.scan.brightness_scale(output)
+
+
+def _rows(window: Window, rows: slice) -> Window:
+    first, last, _ = rows.indices(window.shape[0])
+    return dataclasses.replace(window, row0=window.row0 + first, row1=window.row0 + last)
+
+
+def _create(array: TiledArray, piece: ImagePiece | SumPiece, job: Job) -> None:
+    scan = piece.scan
+    array.create(np.complex64, 0, attributes={
+        'window': list((piece.window if piece.partial else scan.window).as_tuple),
+        'spacing_m': job.spacing_m, 'recording': scan.recording, 'pulses': scan.n_pulses,
+        'carrier_hz': scan.radar.carrier_hz} | (
+            {} if piece.partial else told_of(scan.radiometry)))
+
+
+def _finish(piece: ImagePiece | SumPiece, output: Path, checked: Checked, figures: dict) -> None:
+    name = _figures_path(output, piece.scan.name, piece.window, piece.partial)
+    scan = piece.scan
+    write_text(name.parent / _APERTURE, json.dumps({
+        'window': scan.window.as_tuple, 'footprint_m': scan.footprint_m,
+        'parts': [part.as_tuple for part in scan.division.windows]}))
+    write_text(name, json.dumps(figures | {
+        'index': checked.index.tolist(), 'covered': checked.covered.tolist(),
+        'reference': [[v.real, v.imag] for v in checked.reference.tolist()]}))
+
+
+def _figures_path(output: Path, name: str, window: Window, partial: str = '') -> Path:
+    place = '-'.join(map(str, window.as_tuple))
+    return output / _FIGURES / name / (f'{partial}.{place}.json' if partial else f'{place}.json')
+
+
+@dataclasses.dataclass(frozen=True)
+class StoredImage:
+    """What pieces that use an aperture's image know of it.
+
+    Attributes
+    ----------
+    name : str
+        Of the aperture.
+    window : Window
+        Of its image.
+    footprint_m : ((x, y), ...) floats
+        Corners of what it tells something about, metres.
+    parts : tuple of Window
+        Windows of the pieces that make it.
+    """
+
+    name: str
+    window: Window
+    footprint_m: tuple[tuple[float, float], ...]
+    parts: tuple[Window, ...]
+
+    @classmethod
+    def open(cls, output: Path, name: str) -> StoredImage | None:
+        """Image of an aperture; None while no part of it is complete."""
+        path = output / _FIGURES / name / _APERTURE
+        if not path.exists():
+            return None
+        told = json.loads(path.read_text())
+        return cls(name, Window(*told['window']), tuple(map(tuple, told['footprint_m'])),
+                   tuple(Window(*part) for part in told['parts']))
+
+    def complete(self, output: Path, window: Window) -> bool:
+        """Whether all of it that lies in a window is there."""
+        return all(_figures_path(output, self.name, part).exists()
+                   for part in self.parts if part.intersection(window) is not None)
+
+    def figures(self, output: Path) -> list[dict]:
+        """What is known of its complete parts: error and power, method, warnings."""
+        paths = (_figures_path(output, self.name, part) for part in self.parts)
+        return [json.loads(path.read_text()) for path in paths if path.exists()]
+
+
+def sum_images(piece: SumPiece, job: Job, output: Path) -> PieceResult:
+    """Add two partial images, tile by tile, and drop them."""
+    start = time.perf_counter()
+    parts = [_array(piece, job, output, part) for part in piece.parts]
+    if all(part.exists for part in parts):
+        figures = _summed(piece, parts, job, output)
+    else:  # it was done, and its worker died before it could say so
+        figures = json.loads(
+            _figures_path(output, piece.scan.name, piece.window, piece.partial).read_text())
+    for part in parts:
+        if part.exists:  # renamed first: never half there
+            dropped = part.path.rename(part.path.with_name(f'.{part.path.name}'))
+            shutil.rmtree(dropped)
+    return _result(piece, figures, time.perf_counter() - start)
+
+
+def _summed(piece: SumPiece, parts: list[TiledArray], job: Job, output: Path) -> dict:
+    known = [json.loads(_figures_path(output, piece.scan.name, piece.window, name).read_text())
+             for name in piece.parts]
+    one, other = (Checked(np.array(f['index'], np.int64),
+                          np.array(f['reference'], float).reshape(-1, 2) @ [1, 1j],
+                          np.array(f['covered'], bool)) for f in known)
+    checked = Checked(one.index, one.reference + other.reference, one.covered & other.covered)
+    array = _array(piece, job, output, piece.partial)
+    whole = piece.window if piece.partial else piece.scan.window
+    _create(array, piece, job)
+    scale = _scale(piece, output)
+    values = np.empty(len(checked.index), np.complex64)
+    energy, n_pixels = 0.0, 0
+    for window in _rows_of_tiles(piece.window, job.tile):
+        samples = parts[0].read(window) + parts[1].read(window)
+        more, n = _energy(samples)
+        energy, n_pixels = energy + more, n_pixels + n
+        _pick(values, checked.index, samples, window, piece.window)
+        if scale is not None:
+            samples *= scale.factors(*window.within(piece.scan.window))
+        array.write(window, samples, whole)
+    missed = np.abs(values - checked.reference)[checked.covered] ** 2
+    predicted = [f['predicted_error_db'] for f in known]
+    figures = {
+        'n_checked': len(missed), 'error_power': float(missed.mean()) if len(missed) else 0.0,
+        'power': energy / n_pixels if n_pixels else 0.0, 'n_pixels': n_pixels,
+        'method': ' and '.join(dict.fromkeys(f['method'] for f in known)),
+        'predicted_error_db': None if None in predicted else max(predicted),
+        'warnings': list(dict.fromkeys(text for f in known for text in f['warnings']))}
+    _finish(piece, output, checked, figures)
+    return figures
+
+
+def _rows_of_tiles(window: Window, tile: int) -> Iterator[Window]:
+    for one in window.tiles(tile):
+        part = one.intersection(window)
+        if part is not None:
+            yield part
+
+
+def _pick(values: np.ndarray, index: np.ndarray, samples: np.ndarray, part: Window,
+          window: Window) -> None:
+    """Take the pixels with some numbers of a window from a part of it."""
+    row, column = np.unravel_index(index, window.shape)
+    row, column = row + window.row0, column + window.column0
+    inside = ((row >= part.row0) & (row < part.row1)
+              & (column >= part.column0) & (column < part.column1))
+    values[inside] = samples[row[inside] - part.row0, column[inside] - part.column0]
+
+
+def _result(piece: ImagePiece | SumPiece, figures: dict, seconds: float) -> PieceResult:
+    return PieceResult(
+        piece.key, seconds, predicted_error_db=figures['predicted_error_db'],
+        measured_error_db=error_db([figures]), warnings=tuple(figures['warnings']),
+        found={'method': figures['method'], 'checked_pixels': figures['n_checked']})

@@ -1,0 +1,201 @@
+"""Mean power of many aperture images, and coherence of two passes, tile by tile without a seam.
+
+A pixel counts a look of an aperture where it lies within the aperture's footprint and its image
+has a value. Sums are in float64 and in the order of the apertures, so that a tile has the same
+bits whoever computes it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ...exploitation.passes import PairStatistics, PhasePlane, coherence_part, pair_statistics
+from ..jobs import (
+    ArchiveDataError,
+    CoherencePiece,
+    Job,
+    LooksPiece,
+    MosaicPiece,
+    PieceResult,
+    Window,
+)
+from ..jobs.stored import write_text
+from .aperture_images import StoredImage
+from .storage import COHERENCE, MOSAIC, STRIPS, TiledArray, image_array
+
+POWER, LOOKS = 'power', 'looks'
+_ROWS_AT_ONCE = 256
+
+
+def looks_tile(piece: LooksPiece, job: Job, output: Path) -> PieceResult:
+    """Mean power and number of looks of a tile, of the apertures whose images are complete."""
+    start = time.perf_counter()
+    power, looks, missing = mean_power([name for name, _ in piece.images], piece.tile, job, output)
+    for array, values in zip(looks_arrays(piece, job, output), (power, looks), strict=True):
+        array.write(piece.tile, values, array.extent)
+    return PieceResult(piece.key, time.perf_counter() - start, found={
+        'missing': missing, 'pixels': int(np.count_nonzero(looks)),
+        'looks': int(looks.sum(dtype=np.int64))})
+
+
+def looks_arrays(piece: LooksPiece, job: Job,
+                 output: Path) -> tuple[TiledArray, TiledArray]:
+    """Arrays of power and looks that a piece writes into, made where there are none."""
+    if isinstance(piece, MosaicPiece):
+        arrays = stored_looks(output, '', piece.mosaic, job.tile)
+    else:
+        arrays = stored_looks(output, piece.recording, piece.strip, job.tile)
+    told = {'spacing_m': job.spacing_m, **(
+        {} if job.radiometry is None else {'quantity': job.radiometry.quantity})}
+    arrays[0].create(np.float32, float('nan'), attributes=told)
+    arrays[1].create(np.uint16, 0, attributes=told)
+    return arrays
+
+
+def stored_looks(output: Path, strip: str, extent: Window,
+                 tile: int) -> tuple[TiledArray, TiledArray]:
+    """Arrays of power and looks of a strip, or of the mosaic where it has no name."""
+    folder = output / STRIPS / strip if strip else output / MOSAIC
+    return TiledArray(folder / POWER, extent, tile), TiledArray(folder / LOOKS, extent, tile)
+
+
+def mean_power(names: Sequence[str], tile: Window, job: Job,
+               output: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Mean power of the images of some apertures on some pixels.
+
+    Returns
+    -------
+    power : (rows, columns) float32
+        Mean of ``|f|^2``, the brightness that the job wants; NaN without a look.
+    looks : (rows, columns) uint16
+        Number of images in it.
+    missing : list of str
+        Apertures whose images are not complete there.
+    """
+    total, looks = np.zeros(tile.shape), np.zeros(tile.shape, np.uint16)
+    missing = []
+    for name in names:
+        image = StoredImage.open(output, name)
+        common = None if image is None else tile.intersection(image.window)
+        if common is None or not image.complete(output, common):
+            missing.append(name)
+            continue
+        samples = image_array(output, name, image.window, job.tile).read(common)
+        for first in range(common.row0, common.row1, _ROWS_AT_ONCE):
+            rows = Window(first, min(first + _ROWS_AT_ONCE, common.row1), common.column0,
+                          common.column1)
+            _add(total[rows.within(tile)], looks[rows.within(tile)],
+                 samples[rows.within(common)], inside(image.footprint_m, rows, job.spacing_m))
+    with np.errstate(invalid='ignore'):
+        return (np.divide(total, looks, out=np.full(tile.shape, np.nan, np.float32),
+                          where=looks > 0, casting='unsafe'), looks, missing)
+
+
+def _add(total: np.ndarray, looks: np.ndarray, samples: np.ndarray, covered: np.ndarray) -> None:
+    power = np.square(samples.real, dtype=np.float64)
+    power += np.square(samples.imag, dtype=np.float64)
+    covered &= power > 0
+    total += np.where(covered, power, 0.0)
+    looks += covered
+
+
+def inside(footprint_m, window: Window, spacing_m: float) -> np.ndarray:
+    """(rows, columns) bool which pixels lie within the convex footprint, corners (N, 2), metres.
+
+    Its edges belong to it, up to a thousandth of a pixel.
+    """
+    corners = np.array(footprint_m, np.float64)
+    x = np.arange(window.column0, window.column1) * spacing_m
+    y = -np.arange(window.row0, window.row1)[:, None] * spacing_m
+    following = np.roll(corners, -1, axis=0)
+    area = corners[:, 0] @ following[:, 1] - corners[:, 1] @ following[:, 0]
+    sense = 1.0 if area >= 0 else -1.0
+    out = np.ones(window.shape, bool)
+    for (x0, y0), (x1, y1) in zip(corners, following, strict=True):
+        length = float(np.hypot(x1 - x0, y1 - y0))
+        if length:
+            left = (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)
+            out &= sense * left >= -1e-3 * spacing_m * length
+    return out
+
+
+VALUES, PHASE = 'coherence', 'phase_rad'
+_PART = 1024  # rows and columns that are compared at a time
+
+
+def coherence_tile(piece: CoherencePiece, job: Job, output: Path) -> PieceResult:
+    """Coherence and phase of a tile of a pair, of pixels that both images have."""
+    start = time.perf_counter()
+    common = piece.first.window.intersection(piece.second.window)
+    if common is None:
+        raise ArchiveDataError(f'{piece.pair}: the images have no pixel in common')
+    arrays = stored_coherence(output, piece.pair, piece.extent, job.tile)
+    told = {'spacing_m': job.spacing_m, 'first': piece.first.name, 'second': piece.second.name}
+    read = _reader(piece, job, output, common)
+    pair = _statistics(piece, job, output, common, read)
+    values, phase = np.full((2, *piece.tile.shape), np.nan, np.float32)
+    wanted = piece.tile.intersection(common)
+    for part in [] if wanted is None else wanted.tiles(min(_PART, job.tile)):
+        part = part.intersection(wanted)
+        cut = part.within(piece.tile)
+        values[cut], phase[cut] = coherence_part(read, pair, *part.within(common))
+    for array, found in zip(arrays, (values, phase), strict=True):
+        array.create(np.float32, float('nan'), attributes=told | {'looks': pair.looks})
+        array.write(piece.tile, found, array.extent)
+    known = values[np.isfinite(values)]
+    return PieceResult(piece.key, time.perf_counter() - start, found={
+        'pixels': int(known.size), 'looks': pair.looks,
+        'median': float(np.median(known)) if known.size else None})
+
+
+def stored_coherence(output: Path, pair: str, extent: Window,
+                     tile: int) -> tuple[TiledArray, TiledArray]:
+    """Arrays of coherence and phase of a pair."""
+    folder = output / COHERENCE / pair
+    return TiledArray(folder / VALUES, extent, tile), TiledArray(folder / PHASE, extent, tile)
+
+
+def _reader(piece: CoherencePiece, job: Job, output: Path, common: Window):
+    """Function that reads rows and columns of both images, counted from the common window."""
+    arrays = []
+    for scan in (piece.first, piece.second):
+        image = StoredImage.open(output, scan.name)
+        if image is None or not image.complete(output, common):
+            raise ArchiveDataError(f'{piece.pair}: the image of {scan.name} is not complete')
+        arrays.append(image_array(output, scan.name, image.window, job.tile))
+
+    def read(rows: slice, columns: slice):
+        window = Window(common.row0 + rows.start, common.row0 + rows.stop,
+                        common.column0 + columns.start, common.column0 + columns.stop)
+        return tuple(array.read(window) for array in arrays)
+
+    return read
+
+
+def _statistics(piece: CoherencePiece, job: Job, output: Path, common: Window,
+                read) -> PairStatistics:
+    """What tiles need of the whole pair: measured by the first of them, read by the others.
+
+    Two that begin at once both measure, and find the same.
+    """
+    images = [StoredImage.open(output, scan.name) for scan in (piece.first, piece.second)]
+    marks = [piece.first.fingerprint, piece.second.fingerprint, job.digest(),
+             *(list(part.as_tuple) for image in images for part in image.parts)]
+    path = output / COHERENCE / piece.pair / 'pair.json'
+    if path.exists():
+        told = json.loads(path.read_text())
+        if told['marks'] == marks:
+            return PairStatistics(**told['pair'] | {
+                'shape': tuple(told['pair']['shape']),
+                'plane': PhasePlane(**told['pair']['plane'] | {'slope_rad_per_px': tuple(
+                    told['pair']['plane']['slope_rad_per_px'])})})
+    pair = pair_statistics(read, common.shape, job.products.coherence_window,
+                           part=min(_PART, job.tile))
+    write_text(path, json.dumps({'marks': marks, 'pair': dataclasses.asdict(pair)}))
+    return pair

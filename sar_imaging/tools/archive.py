@@ -1,0 +1,81 @@
+"""Image an archive of recordings: a map of all of them, on this machine or on a cluster.
+
+Run: sar-imaging archive JOB.yaml
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..archive.jobs import changed, read_job
+from ..archive.workflow import plan_archive, run_archive
+from .ending import run_command
+
+_EPILOG = """\
+Exit status: 0 all is done, 3 done but for losses that the summary names, 1 refused or stopped,
+130 interrupted. The same command goes on where a job stopped, whatever stopped it.
+
+  sar-imaging archive survey.yaml --plan
+  sar-imaging archive survey.yaml
+  sar-imaging archive survey.yaml --scheduler tcp://10.0.0.1:8786
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command-line parser."""
+    p = argparse.ArgumentParser(
+        prog='sar-imaging archive', description='Image an archive of recordings and CPHD files.',
+        epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument('job', type=Path, help='job file (YAML), see docs/archives.md')
+    p.add_argument('--plan', action='store_true',
+                   help='tell time, memory and traffic, and stop before the work')
+    p.add_argument('--workers', type=_workers, metavar='N',
+                   help='processes of this machine (default: one for each core)')
+    p.add_argument('--memory', type=float, metavar='GB',
+                   help='that a worker may take (default: memory_gb of the job)')
+    p.add_argument('--scheduler', metavar='ADDRESS',
+                   help='of a running Dask cluster, such as tcp://10.0.0.1:8786')
+    p.add_argument('--output', type=Path, metavar='FOLDER',
+                   help='of the results (default: output of the job)')
+    return p
+
+
+def _workers(text: str) -> int:
+    try:
+        number = int(text)
+    except ValueError:
+        number = 0
+    if number < 1:
+        raise argparse.ArgumentTypeError(f'{text} is no number of workers; expected 1 or more')
+    return number
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the program; returns its exit status."""
+    arguments = parser().parse_args(argv)
+    return run_command(lambda: run(arguments),
+                       interrupted='interrupted; the same command goes on where it stopped')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Plan or do the job; returns the exit status."""
+    memory = None if arguments.memory is None else 1e9 * arguments.memory
+    output = None if arguments.output is None else arguments.output.absolute()
+    job = changed(read_job(arguments.job), memory_bytes=memory, output=output)
+    options = {'workers': arguments.workers, 'scheduler': arguments.scheduler,
+               'tell': lambda text: print(text, flush=True)}
+    if arguments.plan:
+        _, summary = plan_archive(job, **options)
+        for line in summary.troubles():
+            print(line)
+        return summary.exit_status
+    summary = run_archive(job, **options)
+    print(summary.told(job.output))
+    return summary.exit_status
+
+
+if __name__ == '__main__':
+    sys.exit(main())
