@@ -5,6 +5,7 @@
 - `quicklook`: PNG with a world file, and an overlay for globes;
 - `stac`: items of catalogues;
 - `points`: detections as GeoJSON and CSV, and point clouds as PLY;
+- `report`: pictures, tables and warnings in one HTML file;
 - `acquisition`: radar and track of an image, without its samples.
 
 The libraries that read and write them are an extra, ``pip install sar_imaging[formats]``. They

@@ -12,7 +12,7 @@ import sar_imaging
 from sar_imaging.files import replacing
 from sar_imaging.formats.quicklook import limits_db
 
-from ...tools.products.report import Section, write_report
+from ...formats.report import Section, write_report
 from ..jobs import ApertureScan, Job, Loss, Window, load_scans, union
 from .aperture_images import StoredImage, error_db
 from .catalogue import all_scans

@@ -22,6 +22,7 @@ from ...exploitation.passes import PassComparison, compare_passes
 from ...files import filling
 from ...formats import MissingExtraError
 from ...formats.geotiff import write_raster
+from ...formats.report import Section, write_report
 from ...geometry.earth import Datum
 from ...geometry.grids import MapGrid, PlaneGrid
 from ...imaging.image import Image
@@ -32,7 +33,6 @@ from ...signal.magnitudes import SPEED_OF_LIGHT
 from ..ending import run_command
 from ..plots import save_image_png, save_values_png
 from . import forming
-from .report import Section, write_report
 
 _IMAGE_SHARE = forming.IMAGE_SHARE / 4  # two images, and what tells their difference
 _SQUARE = 0.02  # relative difference of steps up to which a picture is drawn to scale

@@ -31,12 +31,12 @@ from sar_imaging.quality import focus_figure, measure_scatterer
 from sar_imaging.quality.verification import Verification
 from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
 
+from ...formats.report import Section, write_report
 from ...recordings.sources import Source, SourceError, lit_acquisition, open_source
 from ..ending import run_command
 from ..plots import save_image_png
 from . import brightness, forming, volume
 from .figures import save_acquisition_png
-from .report import Section, write_report
 
 FORMATS = ('png', 'geotiff', 'sicd', 'kml', 'stac')
 FILES = {'png': 'image.png', 'geotiff': 'image.tif', 'sicd': 'image.nitf', 'kml': 'overlay.png',
