@@ -71,9 +71,6 @@ MODULES = {
     'sar_imaging.streaming.fusion': ('LiveFusion',),
     'sar_imaging.streaming.mosaic': ('StripMosaic',),
     'sar_imaging.streaming.subapertures': ('LiveSubapertures',),
-    'sar_imaging.archive.jobs': ('read_job',),
-    'sar_imaging.archive.products': ('check_mosaic',),
-    'sar_imaging.archive.workflow': ('run_archive',),
     'sar_imaging.tools.plots': ('save_image_png',),
     'sar_imaging.tools.simulate_archive': ('write_archive',),
 }

@@ -5,5 +5,10 @@
 - `running`: pieces on Dask: order, records, retries, losses; on this machine or a cluster.
 - `tasks`: what a worker runs for each kind of piece.
 - `workflow`: all of it, from Python: `run_archive` and `plan_archive`.
-- `archive`: the command.
 """
+
+from .jobs import read_job
+from .products import check_mosaic
+from .workflow import run_archive
+
+__all__ = ['check_mosaic', 'read_job', 'run_archive']

@@ -78,8 +78,7 @@ def run_archive(job: Job, *, workers: int | None = None, scheduler: str | None =
 
     Examples
     --------
-    >>> from sar_imaging.archive.jobs import read_job
-    >>> from sar_imaging.archive.workflow import run_archive
+    >>> from sar_imaging.archive import read_job, run_archive
     >>> with open('survey.yaml', 'w') as file:
     ...     _ = file.write('''
     ... recordings: bags/psf

@@ -26,7 +26,7 @@ COMMANDS = {
     ('compile',): 'compile_kernels',
     ('measure-costs',): 'measure_costs',
     ('load',): 'load',
-    ('archive',): 'archive',
+    ('archive',): 'archive.archive',
     ('image',): 'products.image',
     ('radar-constant',): 'products.radar_constant',
     ('change',): 'products.change',

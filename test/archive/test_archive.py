@@ -12,7 +12,8 @@ import pytest
 pytest.importorskip('distributed', reason='Dask comes with the extra `archive`')
 pytest.importorskip('zarr', reason='Zarr comes with the extra `archive`')
 
-from sar_imaging.tools import archive, simulate_archive
+from sar_imaging.tools import simulate_archive
+from sar_imaging.tools.archive import archive
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORDINGS, BROKEN = 6, 2

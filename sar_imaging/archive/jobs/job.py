@@ -375,7 +375,7 @@ def read_job(path: Path | str) -> Job:
 
     Examples
     --------
-    >>> from sar_imaging.archive.jobs import read_job
+    >>> from sar_imaging.archive import read_job
     >>> with open('survey.yaml', 'w') as file:
     ...     _ = file.write('''
     ... recordings: bags/psf

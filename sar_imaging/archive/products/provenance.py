@@ -85,9 +85,7 @@ def check_mosaic(output: Path, n_pixels: int = 100, *, seed: int = 0,
     Examples
     --------
     >>> from pathlib import Path
-    >>> from sar_imaging.archive.jobs import read_job
-    >>> from sar_imaging.archive.products import check_mosaic
-    >>> from sar_imaging.archive.workflow import run_archive
+    >>> from sar_imaging.archive import check_mosaic, read_job, run_archive
     >>> with open('survey.yaml', 'w') as file:
     ...     _ = file.write('''
     ... recordings: bags/psf

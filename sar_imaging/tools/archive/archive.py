@@ -10,9 +10,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..archive.jobs import changed, read_job
-from ..archive.workflow import plan_archive, run_archive
-from .ending import run_command
+from ...archive.jobs import changed, read_job
+from ...archive.workflow import plan_archive, run_archive
+from ..ending import run_command
 
 _EPILOG = """\
 Exit status: 0 all is done, 3 done but for losses that the summary names, 1 refused or stopped,

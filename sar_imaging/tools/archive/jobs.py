@@ -1,0 +1,5 @@
+"""Former place of `sar_imaging.archive`, which a warning names; goes with the next release."""
+
+from ...names import moved
+
+__getattr__ = moved(__name__, 'sar_imaging.archive', ('read_job',))

@@ -1,0 +1,24 @@
+"""Names of before go on working for one release, and a warning says where they are now."""
+
+import importlib
+
+import pytest
+
+RECORDINGS, ARCHIVE = 'sar_imaging.recordings', 'sar_imaging.archive'
+FORMER = {'sar_imaging.loading': (RECORDINGS, 'load', 'DescriptionError', 'PoseTable'),
+          'sar_imaging.tools.recordings': (RECORDINGS, 'read_blocks', 'make_truth', 'BagError'),
+          'sar_imaging.tools.recordings.bag_io': (RECORDINGS, 'read_blocks', 'write_bag'),
+          'sar_imaging.tools.products.sources': (RECORDINGS, 'open_source'),
+          'sar_imaging.tools.archive.jobs': (ARCHIVE, 'read_job'),
+          'sar_imaging.tools.archive.products': (ARCHIVE, 'check_mosaic'),
+          'sar_imaging.tools.archive.workflow': (ARCHIVE, 'run_archive')}
+
+
+@pytest.mark.parametrize('module', FORMER)
+def test_former_names_are_the_present_ones_with_a_warning(module):
+    former, (home, *names) = importlib.import_module(module), FORMER[module]
+    for name in names:
+        with pytest.warns(DeprecationWarning, match=f'is now {home}.{name}'):
+            assert getattr(former, name) is getattr(importlib.import_module(home), name)
+    with pytest.raises(AttributeError, match='no_such_name'):
+        former.no_such_name  # noqa: B018
