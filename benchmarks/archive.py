@@ -19,8 +19,8 @@ import time
 
 import numpy as np
 
-from sar_imaging.archive.jobs import load_scans
-from sar_imaging.archive.products import check_mosaic
+from sar_imaging.archive.provenance import check_mosaic
+from sar_imaging.archive.scans import load_scans
 from sar_imaging.simulation.survey import Survey
 from sar_imaging.tools.simulate_archive import TRUTH_FILE, write_archive
 

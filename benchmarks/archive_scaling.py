@@ -18,10 +18,13 @@ import shutil
 import sys
 import time
 
-from sar_imaging.archive.jobs import Job, Piece, Products, divide, load_scans
-from sar_imaging.archive.running.cluster import dask, open_cluster
-from sar_imaging.archive.running.records import Records
-from sar_imaging.archive.running.runner import run_pieces
+from sar_imaging.archive.cluster import dask, open_cluster
+from sar_imaging.archive.division import divide
+from sar_imaging.archive.job import Job, Products
+from sar_imaging.archive.pieces import Piece
+from sar_imaging.archive.records import Records
+from sar_imaging.archive.runner import run_pieces
+from sar_imaging.archive.scans import load_scans
 from sar_imaging.archive.workflow import run_archive
 from sar_imaging.tools import simulate_archive
 
@@ -96,7 +99,7 @@ def real(flights: pathlib.Path, folder: pathlib.Path, workers: int) -> dict:
 
 def measured_pieces(folder: pathlib.Path, copies: int) -> list[Sleeper]:
     """The pieces of an archive that was imaged, with their measured times, some times over."""
-    from sar_imaging.archive.jobs import load_job
+    from sar_imaging.archive.scans import load_job
     job, records = load_job(folder), Records(folder)
     plan = divide(job, [a for scan in load_scans(folder) for a in scan.apertures])
     seconds = {p.key: json.loads(records.path(p.key).read_text())['seconds'] for p in plan.pieces}

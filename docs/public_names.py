@@ -16,10 +16,6 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 # Packages that list names for their neighbours, not for users, and why.
 INTERNAL = {
     'sar_imaging.nodes': 'programs: users meet their topics and parameters, see docs/nodes',
-    'sar_imaging.archive.jobs':
-        'steps of the command `archive`: users write job.yaml and call `run_archive`',
-    'sar_imaging.archive.products':
-        'steps of the command `archive`, which writes and describes its products',
 }
 
 # Names that pages import from modules, or from packages whose other names are internal.

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from hypothesis import given, strategies as st
 
-from sar_imaging.archive.jobs import JobError, read_job
+from sar_imaging.archive.job import JobError, read_job
 from sar_imaging.configuration.parameters import ConfigurationFileError, load_tree
 from sar_imaging.geometry.illumination import Antenna
 from sar_imaging.radiometry import RadarConstant

@@ -1085,7 +1085,7 @@ def costs(path):
 
 @_call
 def job(path):
-    from sar_imaging.archive.jobs import read_job
+    from sar_imaging.archive.job import read_job
     return read_job(path)
 
 
@@ -1097,8 +1097,8 @@ def terrain(path):
 
 @_call
 def catalogue(path):
-    from sar_imaging.archive.jobs import find_recordings
-    from sar_imaging.archive.jobs.job import Job
+    from sar_imaging.archive.job import Job
+    from sar_imaging.archive.recordings import find_recordings
     return find_recordings(Job((str(path),), path.parent / 'out', 0.5))
 
 

@@ -6,31 +6,33 @@ import contextlib
 import dataclasses
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import sar_imaging
 
-from .jobs import (
-    ArchivePlan,
-    Job,
-    RecordingScan,
+from .catalogue import write_archive_report, write_catalogue
+from .cluster import open_cluster
+from .division import PROCESS_BYTES, ArchivePlan, divide
+from .files import write_rasters, write_sicd_image
+from .images import form_image, sum_images
+from .job import Job
+from .pieces import (
+    CoherencePiece,
+    ImagePiece,
+    MosaicPiece,
+    Piece,
+    PieceResult,
+    ProductPiece,
     ScanPiece,
-    divide,
-    find_recordings,
-    load_scan,
-    with_datum,
-    write_scan,
+    StripPiece,
+    SumPiece,
 )
-from .jobs.apertures import PROCESS_BYTES
-from .jobs.scans import Loss as ScanLoss
-from .jobs.stored import remove_parts
-from .running.cluster import open_cluster
-from .running.folder import OutputLock, claim
-from .running.records import write_whole
-from .running.runner import run_pieces
-from .running.summary import Loss, Summary
-from .tasks import compute, may_lack
+from .recordings import find_recordings, scan_piece, with_datum
+from .records import OutputLock, claim, write_whole
+from .runner import Loss, Summary, run_pieces
+from .scans import Loss as ScanLoss, RecordingScan, load_job, load_scan, remove_parts, write_scan
+from .tiles import coherence_tile, looks_tile
 
 SUMMARY_FILE, PLAN_FILE = 'summary.json', 'plan.txt'
 SCAN_SECONDS, SCAN_SECONDS_PER_BYTE = 0.04, 2e-9
@@ -182,3 +184,57 @@ def _written(output: Path, summary: Summary) -> Summary:
     told = {'version': sar_imaging.__version__, **summary.as_json()}
     write_whole(output / SUMMARY_FILE, json.dumps(told, indent=1) + '\n')
     return summary
+
+
+def _product(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
+    if piece.product == 'image sicd':
+        return write_sicd_image(piece, job, output)
+    if piece.product != 'catalogue':
+        return write_rasters(piece, job, output)
+    files = write_archive_report(output, job)
+    told = write_catalogue(piece, job, output)
+    return dataclasses.replace(told, files=(*files, *told.files))
+
+
+_WORK: dict[type[Piece], Callable[[Piece, Job, Path], PieceResult]] = {
+    ScanPiece: scan_piece, ImagePiece: form_image, SumPiece: sum_images, StripPiece: looks_tile,
+    MosaicPiece: looks_tile, CoherencePiece: coherence_tile, ProductPiece: _product}
+
+
+def compute(piece: Piece, output: Path) -> PieceResult:
+    """Compute a piece and write what it makes.
+
+    Parameters
+    ----------
+    piece : Piece
+        Of any kind.
+    output : Path
+        Folder of the job, with ``job.json`` and the scans.
+
+    Returns
+    -------
+    PieceResult
+
+    Raises
+    ------
+    ArchiveDataError
+        The data are bad; trying again does not help.
+    MemoryError
+        The piece does not fit.
+    OSError
+        The disk is full, or something cannot be read.
+    """
+    return _WORK[type(piece)](piece, load_job(output), output)
+
+
+def may_lack(piece: Piece, lost: Sequence[str]) -> bool:
+    """Whether a piece is computed without some of what it needs.
+
+    Strips, mosaics and their files are made of what is there; the catalogue and the report tell
+    what is not. An image, its files and a coherence need all their parts.
+    """
+    if isinstance(piece, ProductPiece):
+        if piece.product == 'catalogue':
+            return True
+        return not piece.product.startswith('image ') and len(lost) < len(set(piece.needs))
+    return isinstance(piece, StripPiece | MosaicPiece) and len(lost) < len(set(piece.needs))

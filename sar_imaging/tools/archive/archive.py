@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...archive.jobs import changed, read_job
+from ...archive.job import changed, read_job
 from ...archive.workflow import plan_archive, run_archive
 from ..ending import run_command
 

@@ -6,7 +6,8 @@ import shutil
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
-from sar_imaging.archive.jobs import Job, find_recordings, scan_recording, with_datum
+from sar_imaging.archive.job import Job
+from sar_imaging.archive.recordings import find_recordings, scan_recording, with_datum
 from sar_imaging.simulation.survey import Survey
 from sar_imaging.tools.simulate_archive import write_archive
 

@@ -9,31 +9,30 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sar_imaging.archive.jobs import (
-    ApertureScan,
+from sar_imaging.archive import division as dividing
+from sar_imaging.archive.division import (
+    PROCESS_BYTES,
     ArchivePlan,
     ArchiveTooLargeError,
-    CoherencePiece,
-    Division,
-    ImagePiece,
-    Job,
-    MosaicPiece,
-    ProductPiece,
-    Products,
-    StripPiece,
-    SumPiece,
-    Window,
-    apertures,
-    divide,
-)
-from sar_imaging.archive.jobs.apertures import (
-    PROCESS_BYTES,
     Pulses,
     UndividableError,
+    divide,
     divide_aperture,
+    duration,
     predict,
+    size,
 )
-from sar_imaging.archive.jobs.plan import duration, size
+from sar_imaging.archive.job import Job, Products
+from sar_imaging.archive.pieces import (
+    CoherencePiece,
+    ImagePiece,
+    MosaicPiece,
+    ProductPiece,
+    StripPiece,
+    SumPiece,
+)
+from sar_imaging.archive.scans import ApertureScan, Division
+from sar_imaging.archive.windows import Window
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.planning.costs import DEFAULT, CostModel, using
 from sar_imaging.signal.radar import RadarParameters
@@ -83,9 +82,8 @@ def test_what_fits_is_imaged_as_a_whole():
     (0.46e9, 600, 256, 'either'), (2e9, 0.15, 256, 'either'), (0.46e9, 0.12, 256, 'either'),
     (2e9, 0.15, 4096, 'pulses')])
 def test_divisions_cover_every_pixel_and_pulse_once(memory, longest, tile, several, monkeypatch):
-    monkeypatch.setattr(apertures, 'PIECE_S', 0.0)  # imaging alone
-    monkeypatch.setattr(apertures, 'WRITE_S_PER_BYTE', 0.0)
-    monkeypatch.setattr(apertures, 'WRITE_S_PER_BYTE', 0.0)
+    monkeypatch.setattr(dividing, 'PIECE_S', 0.0)  # imaging alone
+    monkeypatch.setattr(dividing, 'WRITE_S_PER_BYTE', 0.0)
     pulses, window = _pulses(2048)
     if several == 'pulses':  # all of it in one tile
         window = Window(0, 2048, 0, 2048)

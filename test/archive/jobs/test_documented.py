@@ -5,8 +5,7 @@ import re
 
 import pytest
 
-from sar_imaging.archive.jobs import Job, read_job
-from sar_imaging.archive.jobs.job import KEYS
+from sar_imaging.archive.job import KEYS, Job, read_job
 
 PAGE = pathlib.Path(__file__).parents[3] / 'docs/archive_jobs.md'
 

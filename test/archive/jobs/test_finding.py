@@ -7,7 +7,8 @@ import sys
 
 import pytest
 
-from sar_imaging.archive.jobs import Job, JobError, find_recordings, with_datum
+from sar_imaging.archive.job import Job, JobError
+from sar_imaging.archive.recordings import find_recordings, with_datum
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.simulation.survey import Survey
 from sar_imaging.tools.simulate_archive import write_archive

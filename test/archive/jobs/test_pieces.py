@@ -4,7 +4,9 @@ import dataclasses
 import pickle
 from pathlib import Path
 
-from sar_imaging.archive.jobs import Job, MosaicPiece, ScanPiece, Window
+from sar_imaging.archive.job import Job
+from sar_imaging.archive.pieces import MosaicPiece, ScanPiece
+from sar_imaging.archive.windows import Window
 from sar_imaging.geometry.earth import Datum
 
 

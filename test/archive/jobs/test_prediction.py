@@ -7,15 +7,17 @@ import sys
 
 import pytest
 
-from sar_imaging.archive.jobs import Job, divide, find_recordings, scan_recording, with_datum
+from sar_imaging.archive.division import divide
+from sar_imaging.archive.job import Job
+from sar_imaging.archive.recordings import find_recordings, scan_recording, with_datum
 from sar_imaging.simulation.survey import Survey
 from sar_imaging.tools.simulate_archive import write_archive
 
 _PROGRAM = """
 import json, pickle, sys
 from pathlib import Path
-from sar_imaging.archive.products import compute
-from sar_imaging.archive.jobs import write_job
+from sar_imaging.archive.workflow import compute
+from sar_imaging.archive.scans import write_job
 job, pieces = pickle.load(sys.stdin.buffer)
 write_job(job)
 for piece in pieces:

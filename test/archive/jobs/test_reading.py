@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
-from sar_imaging.archive.jobs import Brightness, Job, JobError, Products, changed, read_job
-from sar_imaging.archive.jobs.stored import load_job, write_job
+from sar_imaging.archive.job import Brightness, Job, JobError, Products, changed, read_job
+from sar_imaging.archive.scans import load_job, write_job
 from sar_imaging.geometry.earth import Datum
 
 THREE = 'recordings: flights/*\noutput: survey\nspacing_m: 0.25\n'

@@ -7,18 +7,11 @@ import re
 import numpy as np
 import pytest
 
-from sar_imaging.archive.jobs import (
-    ArchiveDataError,
-    Job,
-    ScanPiece,
-    Window,
-    find_recordings,
-    load_scan,
-    load_scans,
-    scan_piece,
-    scan_recording,
-    with_datum,
-)
+from sar_imaging.archive.job import Job
+from sar_imaging.archive.pieces import ArchiveDataError, ScanPiece
+from sar_imaging.archive.recordings import find_recordings, scan_piece, scan_recording, with_datum
+from sar_imaging.archive.scans import load_scan, load_scans
+from sar_imaging.archive.windows import Window
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.recordings import open_source
 from sar_imaging.recordings.bag_io import read_blocks, read_truth, write_bag

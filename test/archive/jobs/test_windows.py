@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from sar_imaging.archive.jobs import Window, union
+from sar_imaging.archive.windows import Window, union
 
 numbers = st.integers(-5000, 5000)
 windows = st.builds(lambda r, c, n, m: Window(r, r + n, c, c + m), numbers, numbers,

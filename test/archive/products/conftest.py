@@ -10,21 +10,11 @@ import pytest
 
 pytest.importorskip('zarr', reason='the extra archive is not installed')
 
-from sar_imaging.archive.jobs import (
-    ApertureScan,
-    Division,
-    ImagePiece,
-    Job,
-    MosaicPiece,
-    RecordingScan,
-    StripPiece,
-    SumPiece,
-    Window,
-    union,
-    write_job,
-    write_scan,
-)
-from sar_imaging.archive.products import compute
+from sar_imaging.archive.job import Job
+from sar_imaging.archive.pieces import ImagePiece, MosaicPiece, StripPiece, SumPiece
+from sar_imaging.archive.scans import ApertureScan, Division, RecordingScan, write_job, write_scan
+from sar_imaging.archive.windows import Window, union
+from sar_imaging.archive.workflow import compute
 from sar_imaging.geometry import Datum, MapGrid
 from sar_imaging.recordings.bag_io import read_blocks, write_bag
 from sar_imaging.recordings.truth import make_truth

@@ -6,17 +6,14 @@ import types
 import numpy as np
 import pytest
 
-from sar_imaging.archive.jobs import (
-    ImagePiece,
-    Job,
-    ProductPiece,
-    divide,
-    scan_recording,
-    write_job,
-    write_scan,
-)
-from sar_imaging.archive.products import check_mosaic, compute
-from sar_imaging.archive.products.storage import image_array
+from sar_imaging.archive.division import divide
+from sar_imaging.archive.job import Job
+from sar_imaging.archive.pieces import ImagePiece, ProductPiece
+from sar_imaging.archive.provenance import check_mosaic
+from sar_imaging.archive.recordings import scan_recording
+from sar_imaging.archive.scans import write_job, write_scan
+from sar_imaging.archive.storage import image_array
+from sar_imaging.archive.workflow import compute
 from sar_imaging.geometry import Datum, MapGrid
 from sar_imaging.geometry.illumination import Antenna, Illumination, Pointing
 from sar_imaging.imaging.image import Image

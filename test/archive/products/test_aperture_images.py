@@ -8,15 +8,11 @@ import json
 import numpy as np
 import pytest
 
-from sar_imaging.archive.jobs import ArchiveDataError, ImagePiece, SumPiece, Window
-from sar_imaging.archive.products import aperture_images
-from sar_imaging.archive.products.aperture_images import (
-    AperturePulses,
-    StoredImage,
-    _energy,
-)
-from sar_imaging.archive.products.storage import IMAGES, PARTIALS, image_array
-from sar_imaging.archive.products.surface import window_grid
+from sar_imaging.archive import images
+from sar_imaging.archive.images import AperturePulses, StoredImage, _energy
+from sar_imaging.archive.pieces import ArchiveDataError, ImagePiece, SumPiece
+from sar_imaging.archive.storage import IMAGES, PARTIALS, image_array
+from sar_imaging.archive.windows import Window, window_grid
 from sar_imaging.imaging.correlation import correlate_profiles
 from sar_imaging.recordings.bag_io import serialise
 
@@ -74,8 +70,8 @@ def test_messages_of_no_use_leave_the_others(two_strips, monkeypatch):
     block = next(AperturePulses(scan, two_strips.output).profiles(1e9))
     other = dataclasses.replace(block, samples=block.samples[..., :-1])
     useless = [(0, b'damaged'), (0, serialise(other))]
-    plain = aperture_images.raw_messages
-    monkeypatch.setattr(aperture_images, 'raw_messages', lambda *given: [*useless, *plain(*given)])
+    plain = images.raw_messages
+    monkeypatch.setattr(images, 'raw_messages', lambda *given: [*useless, *plain(*given)])
     found = AperturePulses(scan, two_strips.output).profiles(1e9)
     assert sum(block.n_pulses for block in found) == scan.n_pulses
 

@@ -8,9 +8,10 @@ import json
 import numpy as np
 import pytest
 
-from sar_imaging.archive.jobs import ArchiveDataError, CoherencePiece, Products
-from sar_imaging.archive.products.storage import image_array
-from sar_imaging.archive.products.tiles import stored_coherence
+from sar_imaging.archive.job import Products
+from sar_imaging.archive.pieces import ArchiveDataError, CoherencePiece
+from sar_imaging.archive.storage import image_array
+from sar_imaging.archive.tiles import stored_coherence
 from sar_imaging.exploitation.passes import compare_passes
 from sar_imaging.exploitation.passes.coherence import mean_sample, unbiased
 from sar_imaging.imaging.image import Image, Report

@@ -8,17 +8,12 @@ import json
 import numpy as np
 import pytest
 
-from sar_imaging.archive.jobs import (
-    ArchiveDataError,
-    Loss,
-    ProductPiece,
-    RecordingScan,
-    write_scan,
-)
-from sar_imaging.archive.products import check_mosaic, write_archive_report
-from sar_imaging.archive.products.report import reduced
-from sar_imaging.archive.products.storage import image_array
-from sar_imaging.archive.products.tiles import stored_looks
+from sar_imaging.archive.catalogue import reduced, write_archive_report
+from sar_imaging.archive.pieces import ArchiveDataError, ProductPiece
+from sar_imaging.archive.provenance import check_mosaic
+from sar_imaging.archive.scans import Loss, RecordingScan, write_scan
+from sar_imaging.archive.storage import image_array
+from sar_imaging.archive.tiles import stored_looks
 
 rasterio = pytest.importorskip('rasterio', reason='the extra formats is not installed')
 pyproj = pytest.importorskip('pyproj', reason='the extra formats is not installed')

@@ -8,12 +8,13 @@ import json
 import numpy as np
 import pytest
 
-from sar_imaging.archive.jobs import Job, write_job, write_scan
-from sar_imaging.archive.jobs.division import divide
-from sar_imaging.archive.jobs.finding import find_recordings
-from sar_imaging.archive.jobs.scanning import scan_recording
-from sar_imaging.archive.products import check_mosaic, compute
-from sar_imaging.archive.products.tiles import stored_looks
+from sar_imaging.archive.division import divide
+from sar_imaging.archive.job import Job
+from sar_imaging.archive.provenance import check_mosaic
+from sar_imaging.archive.recordings import find_recordings, scan_recording
+from sar_imaging.archive.scans import write_job, write_scan
+from sar_imaging.archive.tiles import stored_looks
+from sar_imaging.archive.workflow import compute
 from sar_imaging.geometry import Datum
 from sar_imaging.simulation.survey import Survey
 from sar_imaging.tools.simulate_archive import write_archive

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.path import Path as Outline
 
-from sar_imaging.archive.products.storage import image_array
-from sar_imaging.archive.products.tiles import stored_looks
+from sar_imaging.archive.storage import image_array
+from sar_imaging.archive.tiles import stored_looks
 from sar_imaging.imaging.correlation import correlate_profiles
 
 

@@ -8,8 +8,10 @@ import pathlib
 import numpy as np
 import pytest
 
-from sar_imaging.archive.jobs import Division, ImagePiece, Window, write_job
-from sar_imaging.archive.products import compute
+from sar_imaging.archive.pieces import ImagePiece
+from sar_imaging.archive.scans import Division, write_job
+from sar_imaging.archive.windows import Window
+from sar_imaging.archive.workflow import compute
 from sar_imaging.geometry import MapGrid
 from sar_imaging.recordings.bag_io import write_bag
 from sar_imaging.recordings.truth import make_truth

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sar_imaging.archive.products.surface import surface_z
+from sar_imaging.archive.windows import surface_z
 from sar_imaging.geometry import Datum
 
 

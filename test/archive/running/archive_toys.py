@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sar_imaging.archive.jobs.pieces import Piece, PieceResult
+from sar_imaging.archive.pieces import Piece, PieceResult
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip('distributed', reason='Dask comes with the extra `archive`')
 
-from sar_imaging.archive.running.cluster import open_cluster
+from sar_imaging.archive.cluster import open_cluster
 
 
 @pytest.fixture(scope='session', autouse=True)

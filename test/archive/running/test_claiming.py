@@ -7,21 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from sar_imaging.archive.jobs.job import Job
-from sar_imaging.archive.jobs.stored import load_job
-from sar_imaging.archive.running.folder import (
-    OtherJobError,
-    OutputInUseError,
-    OutputLock,
-    claim,
-)
+from sar_imaging.archive.job import Job
+from sar_imaging.archive.records import OtherJobError, OutputInUseError, OutputLock, claim
+from sar_imaging.archive.scans import load_job
 from sar_imaging.geometry.earth import Datum
 
 ROOT = Path(__file__).resolve().parents[3]
 HOLDER = """
 import sys
 from pathlib import Path
-from sar_imaging.archive.running.folder import OutputLock
+from sar_imaging.archive.records import OutputLock
 with OutputLock(Path(sys.argv[1])):
     print('held', flush=True)
     sys.stdin.read()

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from sar_imaging.archive.running.cluster import ClusterError, open_cluster
-from sar_imaging.archive.running.runner import run_pieces
+from sar_imaging.archive.cluster import ClusterError, open_cluster
+from sar_imaging.archive.runner import run_pieces
 
 NEXT_TO_THIS = Path(__file__).parent
 
@@ -69,7 +69,7 @@ def test_something_else_listens(tmp_path):
 
 
 def test_a_scheduler_without_workers(dask, tmp_path, monkeypatch):
-    monkeypatch.setattr('sar_imaging.archive.running.cluster._WORKER_SECONDS', 0.5)
+    monkeypatch.setattr('sar_imaging.archive.cluster._WORKER_SECONDS', 0.5)
     address = dask.scheduler()
     assert f'has no workers; start some: dask worker {address}' in refused(tmp_path, address)
 

@@ -9,8 +9,7 @@ import time
 
 import pytest
 
-from sar_imaging.archive.running.runner import run_pieces
-from sar_imaging.archive.running.summary import WITH_LOSSES
+from sar_imaging.archive.runner import WITH_LOSSES, run_pieces
 
 
 @pytest.fixture
@@ -99,7 +98,7 @@ def test_a_worker_that_always_dies_for_one_piece_costs_that_piece_alone(run, toy
 
 def test_one_worker_whose_piece_always_kills_it_spares_those_that_wait(toys, tmp_path):
     """All others stand behind it in the queue of the only worker, time after time."""
-    from sar_imaging.archive.running.cluster import open_cluster
+    from sar_imaging.archive.cluster import open_cluster
     pieces = [toys.Toy(key='killer', does='die'), toys.Toy(key='a'), toys.Toy(key='b')]
     with open_cluster(tmp_path, workers=1) as client:
         summary = run_pieces(pieces, toys.compute, client, tmp_path, retries=2)
@@ -109,7 +108,7 @@ def test_one_worker_whose_piece_always_kills_it_spares_those_that_wait(toys, tmp
 
 def test_a_worker_that_is_gone_for_good_is_replaced(toys, tmp_path):
     """Dask's nannies start workers again, but not always: some give up."""
-    from sar_imaging.archive.running.cluster import open_cluster
+    from sar_imaging.archive.cluster import open_cluster
 
     removed = []
 
@@ -128,7 +127,7 @@ def test_a_worker_that_is_gone_for_good_is_replaced(toys, tmp_path):
 
 def test_answers_that_went_with_their_worker_are_asked_for_again(toys, tmp_path):
     """The only worker goes after it finished pieces, and before their answers are taken."""
-    from sar_imaging.archive.running.cluster import open_cluster
+    from sar_imaging.archive.cluster import open_cluster
     gone = []
 
     def leave(states, status):

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import archive_toys
 
-from sar_imaging.archive.running.cluster import open_cluster
-from sar_imaging.archive.running.runner import run_pieces
+from sar_imaging.archive.cluster import open_cluster
+from sar_imaging.archive.runner import run_pieces
 
 
 def main():

@@ -14,7 +14,8 @@ from pathlib import Path
 from types import ModuleType
 
 import sar_imaging
-from sar_imaging.formats.extras import require
+
+from ..formats.extras import require
 
 CONNECT_SECONDS = 5.0
 _WORKER_SECONDS = 10.0  # until the first worker of a running cluster is there
@@ -30,7 +31,7 @@ _SETTINGS = {
     'distributed.worker.memory.terminate': 0.98,
     # A worker that dies starts again, on a busy machine in more than the usual 15 s.
     'distributed.deploy.lost-worker-timeout': '1h',
-    'distributed.worker.preload': ['sar_imaging.archive.running.quiet'],
+    'distributed.worker.preload': ['import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)'],
     # A kernel that compiles for a minute or holds the interpreter is no reason for warnings.
     'distributed.admin.tick.limit': '1h',
 }

@@ -17,10 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sar_imaging.formats import require
-
-from ..jobs import ArchiveDataError, Window
-from ..jobs.stored import bring_to_disk, write_text
+from ..formats import require
+from .pieces import ArchiveDataError
+from .scans import bring_to_disk, write_text
+from .windows import Window
 
 EXTRA = 'archive'
 IMAGES, PARTIALS, MOSAIC = 'images.zarr', 'partials.zarr', 'mosaic.zarr'

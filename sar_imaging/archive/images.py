@@ -19,25 +19,26 @@ from pathlib import Path
 import numpy as np
 from numba import get_num_threads, set_num_threads
 
-from ...formats.cphd import CphdError, CphdReader
-from ...formats.tags import told_of
-from ...geometry.illumination import AntennaPattern
-from ...imaging.correlation import correlate_profiles
-from ...imaging.image import Image, Report
-from ...imaging.imager import plan_image
-from ...imaging.methods import EXACT
-from ...memory import granting
-from ...planning.costs import DEFAULT, using
-from ...radiometry import BrightnessScale
-from ...recordings.bag_io import BagError, deserialise, raw_messages
-from ...recordings.kinds import CPHD
-from ...signal.pulses import PulseBlock, concatenate
-from ...signal.range_compression import RangeCompressor
-from ..jobs import ApertureScan, ArchiveDataError, ImagePiece, Job, PieceResult, SumPiece, Window
-from ..jobs.apertures import BLOCK_SHARE, room_bytes
-from ..jobs.stored import write_text
+from ..formats.cphd import CphdError, CphdReader
+from ..formats.tags import told_of
+from ..geometry.illumination import AntennaPattern
+from ..imaging.correlation import correlate_profiles
+from ..imaging.image import Image, Report
+from ..imaging.imager import plan_image
+from ..imaging.methods import EXACT
+from ..memory import granting
+from ..planning.costs import DEFAULT, using
+from ..radiometry import BrightnessScale
+from ..recordings.bag_io import BagError, deserialise, raw_messages
+from ..recordings.kinds import CPHD
+from ..signal.pulses import PulseBlock, concatenate
+from ..signal.range_compression import RangeCompressor
+from .division import BLOCK_SHARE, room_bytes
+from .job import Job
+from .pieces import ArchiveDataError, ImagePiece, PieceResult, SumPiece
+from .scans import ApertureScan, write_text
 from .storage import TiledArray, image_array, partial_array
-from .surface import window_grid
+from .windows import Window, window_grid
 
 _CPHD_WORK = 4  # times the samples that may be taken while they are converted
 

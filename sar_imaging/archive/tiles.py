@@ -15,19 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ...exploitation.passes import PairStatistics, PhasePlane, coherence_part, pair_statistics
-from ..jobs import (
-    ArchiveDataError,
-    CoherencePiece,
-    Job,
-    LooksPiece,
-    MosaicPiece,
-    PieceResult,
-    Window,
-)
-from ..jobs.stored import write_text
-from .aperture_images import StoredImage
+from ..exploitation.passes import PairStatistics, PhasePlane, coherence_part, pair_statistics
+from .images import StoredImage
+from .job import Job
+from .pieces import ArchiveDataError, CoherencePiece, LooksPiece, MosaicPiece, PieceResult
+from .scans import write_text
 from .storage import COHERENCE, MOSAIC, STRIPS, TiledArray, image_array
+from .windows import Window
 
 POWER, LOOKS = 'power', 'looks'
 _ROWS_AT_ONCE = 256

@@ -15,15 +15,15 @@ from pathlib import Path
 
 import yaml
 
-from ...backends import AUTO
-from ...files import check_file
-from ...formats import MissingExtraError, require
-from ...geometry.earth import Datum
-from ...imaging.methods import METHODS
-from ...names import advice_on
-from ...radiometry import QUANTITIES, RadarConstant
-from ...signal.windows import parse_window
-from ...yaml_text import Loader, RepeatedKeyError, trouble
+from ..backends import AUTO
+from ..files import check_file
+from ..formats import MissingExtraError, require
+from ..geometry.earth import Datum
+from ..imaging.methods import METHODS
+from ..names import advice_on
+from ..radiometry import QUANTITIES, RadarConstant
+from ..signal.windows import parse_window
+from ..yaml_text import Loader, RepeatedKeyError, trouble
 
 IMAGE_FORMATS = ('geotiff', 'sicd')
 SURFACES = ('plane', 'ellipsoid')

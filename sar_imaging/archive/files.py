@@ -14,27 +14,28 @@ import numpy as np
 
 import sar_imaging
 
-from ...formats import Acquisition, sicd_grid, write_sicd
-from ...formats.georeference import Georeference, georeference
-from ...formats.geotiff import write_cog
-from ...formats.quicklook import decibels
-from ...formats.sicd.grid import sicd_axes
-from ...formats.tags import told_of
-from ...geometry.grids import PlaneGrid
-from ...geometry.illumination import Pointing
-from ...imaging.image import Image
-from ...imaging.imager import plan_image
-from ...imaging.methods import EXACT
-from ...planning.costs import DEFAULT, using
-from ...radiometry import QUANTITIES, BrightnessScale, KnotResponse
-from ...recordings.sources import Source, lit_acquisition, open_source, pointing_of
-from ..jobs import ApertureScan, ArchiveDataError, Job, PieceResult, ProductPiece, Window
-from ..jobs.apertures import BLOCK_SHARE, room_bytes
-from ..jobs.division import SICD_BYTES
-from .aperture_images import StoredImage, one_thread
+from ..formats import Acquisition, sicd_grid, write_sicd
+from ..formats.georeference import Georeference, georeference
+from ..formats.geotiff import write_cog
+from ..formats.quicklook import decibels
+from ..formats.sicd.grid import sicd_axes
+from ..formats.tags import told_of
+from ..geometry.grids import PlaneGrid
+from ..geometry.illumination import Pointing
+from ..imaging.image import Image
+from ..imaging.imager import plan_image
+from ..imaging.methods import EXACT
+from ..planning.costs import DEFAULT, using
+from ..radiometry import QUANTITIES, BrightnessScale, KnotResponse
+from ..recordings.sources import Source, lit_acquisition, open_source, pointing_of
+from .division import BLOCK_SHARE, SICD_BYTES, room_bytes
+from .images import StoredImage, one_thread
+from .job import Job
+from .pieces import ArchiveDataError, PieceResult, ProductPiece
+from .scans import ApertureScan
 from .storage import TiledArray, image_array
-from .surface import lattice_grid
 from .tiles import stored_coherence, stored_looks
+from .windows import Window, lattice_grid
 
 _LARGEST_MISS_PX = 0.25  # of a pixel's place by the affine transform
 _NO_DATUM = ('no GeoTIFF: neither the job nor a recording tells where on the Earth the map is; '

@@ -13,13 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from sar_imaging.imaging.correlation import correlate_profiles
-
-from ..jobs import ApertureScan, Job, Window, load_job, union
-from .aperture_images import AperturePulses
-from .catalogue import all_scans
-from .surface import lattice_grid
+from ..imaging.correlation import correlate_profiles
+from .images import AperturePulses
+from .job import Job
+from .scans import ApertureScan, all_scans, load_job
 from .tiles import inside, stored_looks
+from .windows import Window, lattice_grid, union
 
 _BLOCK_BYTES = 2e8
 

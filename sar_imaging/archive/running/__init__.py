@@ -1,1 +1,0 @@
-"""Pieces of an archive on Dask: records of what is finished, retries, losses, local or cluster."""
