@@ -19,21 +19,15 @@ from ..formats.extras import require
 
 CONNECT_SECONDS = 5.0
 _WORKER_SECONDS = 10.0  # until the first worker of a running cluster is there
-_PROBE_SECONDS = 20.0
 _SETTINGS = {
-    # A death is told at once; `run_pieces` knows which piece ran and counts its tries.
-    'distributed.scheduler.allowed-failures': 0,
-    # Results are small: a worker's memory is what its piece takes. Spilling and pausing would
-    # free nothing, and a paused worker may wait for ever.
-    'distributed.worker.memory.target': False,
-    'distributed.worker.memory.spill': False,
+    # A paused worker would wait for memory that only its next piece could free.
     'distributed.worker.memory.pause': False,
+    # Predictions make use of all that a worker may take.
     'distributed.worker.memory.terminate': 0.98,
-    # A worker that dies starts again, on a busy machine in more than the usual 15 s.
-    'distributed.deploy.lost-worker-timeout': '1h',
+    # After it another worker is started: one that died is back on a busy machine in less.
+    'distributed.deploy.lost-worker-timeout': '60s',
+    # Ctrl-C in the terminal is for the job's own process alone.
     'distributed.worker.preload': ['import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)'],
-    # A kernel that compiles for a minute or holds the interpreter is no reason for warnings.
-    'distributed.admin.tick.limit': '1h',
 }
 #: One thread for each worker, also in libraries; GDAL would keep a twentieth of the machine.
 ENVIRONMENT = {'NUMBA_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1',
@@ -79,7 +73,7 @@ def open_cluster(output: Path, *, scheduler: str | None = None, workers: int | N
     opened = _running(scheduler) if scheduler else _local(workers or os.cpu_count() or 1,
                                                           memory_bytes)
     with opened as client:
-        check_workers(client, output, memory_bytes)
+        _check_workers(client, output, memory_bytes)
         yield client
 
 
@@ -98,7 +92,14 @@ def _local(workers: int, memory_bytes: int | None) -> Iterator:
                                       dashboard_address='localhost:8787',
                                       silence_logs=logging.CRITICAL) as cluster, \
                 distributed.Client(cluster, set_as_default=False) as client:
-            yield client
+            # Dask takes a worker that was lost for long from the cluster, and puts another one
+            # in its place when it is asked for the number of workers.
+            keeper = dask('tornado.ioloop').PeriodicCallback(lambda: cluster.scale(workers), 1000)
+            cluster.loop.add_callback(keeper.start)
+            try:
+                yield client
+            finally:
+                cluster.loop.add_callback(keeper.stop)
 
 
 @contextlib.contextmanager
@@ -134,69 +135,68 @@ async def _reach(address: str) -> None:
     await communication.close()
 
 
-def check_workers(client, output: Path, memory_bytes: int | None) -> None:
-    """Ask every worker whether it can do the job.
-
-    Parameters
-    ----------
-    client : distributed.Client
-        Of the cluster.
-    output : path
-        Output folder, where a file is put for them to find.
-    memory_bytes : int or None
-        What a piece may take.
-
-    Raises
-    ------
-    ClusterError
-        One cannot: it lacks the package, has another version, does not see the folder, or may
-        not take that much memory.
-    """
-    path = output / f'.probe-{uuid.uuid4().hex}'
-    path.write_text(socket.gethostname())
+def _check_workers(client, output: Path, memory_bytes: int | None) -> None:
+    """Ask every worker whether it can do the job, and raise ClusterError where one cannot."""
+    witness = output / f'.probe-{uuid.uuid4().hex}'
+    witness.write_text(socket.gethostname())
     try:
-        answers = client.run(probe, path, on_error='return')
+        answers = client.run(trouble_of_worker, witness, sar_imaging.__version__, memory_bytes,
+                             on_error='return')
     except Exception as error:
         raise ClusterError(f'the workers cannot be asked: {_line(error)}') from error
     finally:
-        path.unlink(missing_ok=True)
+        witness.unlink(missing_ok=True)
     troubles = {address: trouble for address, answer in sorted(answers.items())
-                if (trouble := _trouble(answer, output, memory_bytes))}
+                if (trouble := _told(answer))}
     if troubles:
         address, trouble = next(iter(troubles.items()))
         others = f' (and {len(troubles) - 1} more workers)' if len(troubles) > 1 else ''
         raise ClusterError(f'worker {address}{others} {trouble}')
 
 
-def probe(path: Path, dask_worker=None) -> dict:
-    """What a worker is; runs there, Dask fills in `dask_worker`."""
-    return {'version': sar_imaging.__version__, 'sees': path.exists(),
-            'writes': os.access(path.parent, os.W_OK), 'threads': dask_worker.state.nthreads,
-            'memory_bytes': dask_worker.memory_manager.memory_limit}
+def trouble_of_worker(witness: Path, version: str, memory_bytes: int | None,
+                      dask_worker=None) -> str:
+    """Why the worker that runs this cannot do a job, or ''.
 
-
-def _trouble(answer, output: Path, memory_bytes: int | None) -> str:
-    """Why a worker cannot do the job, or ''."""
-    if isinstance(answer, Exception) and cannot_import(answer):
-        return (f'cannot load sar_imaging {sar_imaging.__version__} ({_line(answer)}); install it '
-                'with the extra `archive` where the worker runs')
-    if isinstance(answer, Exception):
-        return f'does not answer as it should: {_line(answer)}'
-    if answer['version'] != sar_imaging.__version__:
-        return (f'has sar_imaging {answer["version"]}, this job {sar_imaging.__version__}; '
-                'install the same version on both')
-    if not answer['sees'] or not answer['writes']:
-        return (f'{"may not write into" if answer["sees"] else "does not see"} {output}; the '
-                'output folder must be shared by all workers under the same name')
-    limit, wanted = answer['memory_bytes'], (memory_bytes or 0) * answer['threads']
+    Parameters
+    ----------
+    witness : path
+        A file or folder in the output folder, which the job's own process made.
+    version : str
+        Of this package, at the job's own process.
+    memory_bytes : int or None
+        What a piece may take.
+    dask_worker : distributed.Worker
+        Dask fills it in where `Client.run` calls this.
+    """
+    if version != sar_imaging.__version__:
+        return (f'has sar_imaging {sar_imaging.__version__}, this job {version}; install the same '
+                'version on both')
+    if not witness.exists() or not os.access(witness.parent, os.W_OK):
+        what = 'may not write into' if witness.exists() else 'does not see'
+        return (f'{what} {witness.parent}; the output folder must be shared by all workers under '
+                'the same name')
+    worker = dask_worker or dask().get_worker()
+    threads, limit = worker.state.nthreads, worker.memory_manager.memory_limit
+    wanted = (memory_bytes or 0) * threads
     if limit and limit < wanted:
-        return (f'may take {limit / 1e9:.3g} GB, but its {answer["threads"]} threads need '
+        return (f'may take {limit / 1e9:.3g} GB, but its {threads} threads need '
                 f'{wanted / 1e9:.3g} GB; start it with --nthreads 1 and a larger --memory-limit, '
                 'or lower the memory of a worker in the job')
     return ''
 
 
-def cannot_import(error: Exception) -> bool:
+def _told(answer: str | Exception) -> str:
+    """What a worker answered, or why it could not."""
+    if isinstance(answer, str):
+        return answer
+    if cannot_import(answer):
+        return (f'cannot load sar_imaging {sar_imaging.__version__} ({_line(answer)}); install it '
+                'with the extra `archive` where the worker runs')
+    return f'does not answer as it should: {_line(answer)}'
+
+
+def cannot_import(error: BaseException) -> bool:
     """Whether a worker could not import what it was sent; Dask tells some errors as texts."""
     return isinstance(error, ImportError) or 'ModuleNotFoundError' in str(error)
 

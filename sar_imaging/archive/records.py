@@ -1,11 +1,12 @@
 """What is finished, whose the output folder is, and that one process at a time works there.
 
-A piece has a small file, its record, written after the piece's own files. Dask knows nothing of
-an earlier run.
+Dask knows nothing of an earlier run. A piece that is finished has a small file, its record,
+written after the piece's own files.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import fcntl
 import hashlib
@@ -13,7 +14,7 @@ import json
 import os
 import socket
 import stat
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ from typing import Any
 from ..files import told
 from .job import Job
 from .scans import JOB_FILE, bring_to_disk, write_job, write_text
+
+LOCK_FILE, RECORDS = 'job.lock', 'records'
 
 
 def fingerprint(piece: Any, needs: Mapping[str, str | None]) -> str:
@@ -43,29 +46,11 @@ def fingerprint(piece: Any, needs: Mapping[str, str | None]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a file that is there whole or not at all, even if the power fails.
-
-    Parameters
-    ----------
-    path : path
-        Its folder exists.
-    text : str
-        What it says.
-    """
-    write_text(path, text)
-    bring_to_disk(path.parent)
-
-
-def sync_files(paths: Iterable[Path]) -> None:
+def _sync_files(paths: Iterable[Path]) -> None:
     """Bring files to the disk, and their names; folders and what is missing are passed over."""
-    folders = set()
-    for path in paths:
-        if path.is_file():
-            bring_to_disk(path)
-            folders.add(path.parent)
-    for folder in sorted(folders):
-        bring_to_disk(folder)
+    files = [path for path in paths if path.is_file()]
+    for path in (*files, *sorted({path.parent for path in files})):
+        bring_to_disk(path)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,23 +65,10 @@ class Records:
 
     output: Path
 
-    def path(self, key: str, suffix: str = '.json') -> Path:
+    def path(self, key: str) -> Path:
         """File of a piece, in one of 256 folders, for a million in one are slow to look up."""
         name = hashlib.sha256(key.encode()).hexdigest()[:32]
-        return self.output / 'records' / name[:2] / (name + suffix)
-
-    def prepare(self) -> None:
-        """Make the folders, and remove notes that a killed job left."""
-        for number in range(256):
-            folder = self.output / 'records' / f'{number:02x}'
-            folder.mkdir(parents=True, exist_ok=True)
-            for path in folder.iterdir():
-                if path.suffix == '.starts':
-                    path.unlink(missing_ok=True)
-
-    def ready(self) -> bool:
-        """Whether this machine sees the folders that the job's own machine made."""
-        return (self.output / 'records' / 'ff').is_dir()
+        return self.output / RECORDS / name[:2] / f'{name}.json'
 
     def read(self, key: str, mark: str) -> dict | None:
         """Record of a finished piece.
@@ -135,46 +107,24 @@ class Records:
         **told
             More for the record: seconds, memory, worker.
         """
-        sync_files(self.output / name for name in result.get('files') or ())
+        _sync_files(self.output / name for name in result.get('files') or ())
         record = {'key': key, 'fingerprint': mark, 'result': result, **told}
-        write_whole(self.path(key), json.dumps(record))
+        write_text(self.path(key), json.dumps(record))
+        bring_to_disk(self.path(key).parent)
         return record
 
     def forget(self, key: str) -> None:
-        """Remove the record of a piece."""
+        """Remove the record of a piece, whose files will change."""
         self.path(key).unlink(missing_ok=True)
-
-    def start(self, key: str, run: str) -> int:
-        """Note that a worker starts a piece; returns how often workers did in this run.
-
-        A worker that dies leaves its note, which tells the piece that killed it from those that
-        only waited on the same worker.
-        """
-        with self.path(key, '.starts').open('a') as file:
-            file.write(run + '\n')
-        return self.starts(key, run)
-
-    def starts(self, key: str, run: str) -> int:
-        """How often workers started this piece in this run without finishing it."""
-        try:
-            return self.path(key, '.starts').read_text().splitlines().count(run)
-        except FileNotFoundError:
-            return 0
-
-    def finish(self, key: str) -> None:
-        """Remove the notes of starts."""
-        self.path(key, '.starts').unlink(missing_ok=True)
-
-
-NAME = 'job.lock'
 
 
 class OutputInUseError(RuntimeError):
     """Another job writes into this output folder; the text says which and since when."""
 
 
-class OutputLock:
-    """Holds an output folder while a job runs; use it in a `with` statement.
+@contextlib.contextmanager
+def held(output: Path) -> Iterator[None]:
+    """Hold an output folder while a job runs.
 
     The operating system drops the lock when its process ends, however it ends: the file that
     stays behind holds nobody up.
@@ -187,42 +137,32 @@ class OutputLock:
     Raises
     ------
     OutputInUseError
-        On entering: another process holds the folder.
+        Another process holds the folder.
     FileExistsError
         What stands in the place of the file is none, or is another file as well.
     """
-
-    def __init__(self, output: Path):
-        self.path = output / NAME
-
-    def __enter__(self) -> OutputLock:
-        if os.path.lexists(self.path):  # nothing is written through links
-            status = self.path.lstat()
-            if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
-                raise FileExistsError(f'{self.path} is no file of an archive; choose another '
-                                      'output')
-        self._file = self.path.open('a+')
+    path = output / LOCK_FILE
+    if os.path.lexists(path):  # nothing is written through links
+        status = path.lstat()
+        if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
+            raise FileExistsError(f'{path} is no file of an archive; choose another output')
+    with path.open('a+') as file:
         try:
-            fcntl.lockf(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            self._file.seek(0)
-            holder = _describe(self._file.read())
-            self._file.close()
+            file.seek(0)
             raise OutputInUseError(
-                f'{self.path.parent} is being written by {holder}; wait until that job ends, '
+                f'{output} is being written by {_holder(file.read())}; wait until that job ends, '
                 'stop it, or choose another output') from error
-        self._file.truncate(0)
-        self._file.write(json.dumps({
+        file.truncate(0)
+        file.write(json.dumps({
             'host': socket.gethostname(), 'pid': os.getpid(),
             'since': datetime.now(timezone.utc).isoformat(timespec='seconds')}))
-        self._file.flush()
-        return self
-
-    def __exit__(self, *exception) -> None:
-        self._file.close()
+        file.flush()
+        yield
 
 
-def _describe(text: str) -> str:
+def _holder(text: str) -> str:
     """Who wrote this into the lock file."""
     try:
         holder = json.loads(text)
@@ -257,7 +197,7 @@ def claim(job: Job) -> None:
                 f'{job.output} was made by another job: {changes}; choose another output, remove '
                 'that folder, or give the job as it was')
     elif others := sorted(name for name in os.listdir(job.output)
-                          if name not in (JOB_FILE, NAME) and not name.startswith('.')):
+                          if name not in (JOB_FILE, LOCK_FILE) and not name.startswith('.')):
         raise OtherJobError(f'{job.output} holds {others[0]} and no {JOB_FILE}, so it was not '
                             'made by an archive; choose a new folder')
     write_job(job)

@@ -1,6 +1,10 @@
-"""Pieces on Dask's workers: each when what it needs is there, few at a time.
+"""Pieces on Dask's workers, a piece for each thread, each when what it needs is there.
 
-Pieces come in the order in which they were given.
+Dask places the pieces, tries them again when their worker dies or a file has trouble, and asks
+again for answers that went with their worker. It knows neither what an earlier run finished nor
+which pieces may lack some of what they need: a piece is submitted when its needs are settled. So
+a million pieces need no graph of a million, none waits on a worker that another one kills, and
+of those that can be computed the earlier in the list goes first.
 """
 
 from __future__ import annotations
@@ -8,17 +12,17 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import errno
+import graphlib
 import heapq
 import os
 import queue
 import resource
 import socket
 import sys
-import threading
 import time
 import traceback
 import uuid
-from collections import Counter, defaultdict
+from asyncio import CancelledError
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -27,113 +31,51 @@ from tqdm import tqdm
 
 import sar_imaging
 
-from ..formats.extras import require
-from .cluster import cannot_import, dask
-from .records import Records, fingerprint
+from .cluster import cannot_import, dask, trouble_of_worker
+from .division import duration
+from .records import RECORDS, Records, fingerprint
 
-_LOCK = threading.Lock()
-_RUNNING = [0]  # pieces in this process, and the limit before the first
-_BEFORE: list[tuple[int, int]] = []
+# ------------------------------------------------------------------ on a worker
+
+_LIMIT = resource.getrlimit(resource.RLIMIT_DATA)  # of this process, before its first piece
+_FULL = {errno.ENOSPC: 'no space is left', errno.EDQUOT: 'the quota is used up',
+         errno.EFBIG: 'a file would be larger than allowed'}
 
 
 @contextlib.contextmanager
 def bounded(n_bytes: int | None) -> Iterator[None]:
     """Let allocations beyond a bound fail with MemoryError.
 
-    Dask's nanny looks at the memory of a worker ten times a second and kills it. Until then a
-    single large array may pass the bound; and the piece would be tried again, in vain. Here the
-    operating system refuses the allocation (RLIMIT_DATA), and the piece can say so.
+    Dask's nanny looks at the memory of a worker now and then, and kills it: the piece would be
+    tried again, in vain. Here the operating system refuses the allocation (RLIMIT_DATA), and the
+    piece can say so.
 
     Parameters
     ----------
     n_bytes : int or None
         Bound on the private writable memory of this process; None leaves it as it is.
     """
-    if n_bytes is None:
-        yield
-        return
-    with _LOCK:
-        if not _RUNNING[0]:
-            soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
-            _BEFORE[:] = [(soft, hard)]
-            known = [limit for limit in (soft, hard) if limit != resource.RLIM_INFINITY]
-            resource.setrlimit(resource.RLIMIT_DATA, (min([n_bytes, *known]), hard))
-        _RUNNING[0] += 1
+    if n_bytes is not None:
+        known = [limit for limit in _LIMIT if limit != resource.RLIM_INFINITY]
+        resource.setrlimit(resource.RLIMIT_DATA, (min([n_bytes, *known]), _LIMIT[1]))
     try:
         yield
     finally:
-        with _LOCK:
-            _RUNNING[0] -= 1
-            if not _RUNNING[0]:
-                resource.setrlimit(resource.RLIMIT_DATA, _BEFORE.pop())
+        resource.setrlimit(resource.RLIMIT_DATA, _LIMIT)
 
 
-class Peak:
-    """Largest resident memory of this process while the `with` statement lasts.
-
-    Attributes
-    ----------
-    n_bytes : int
-        After the statement. Where the kernel cannot forget an earlier peak (Linux alone can), the
-        largest since the process began.
-    """
-
-    n_bytes = 0
-
-    def __enter__(self) -> Peak:
-        with contextlib.suppress(OSError):
-            Path('/proc/self/clear_refs').write_text('5')
-        return self
-
-    def __exit__(self, *exception) -> None:
-        self.n_bytes = _peak_bytes()
+def _forget_peak() -> None:
+    with contextlib.suppress(OSError):
+        Path('/proc/self/clear_refs').write_text('5')
 
 
 def _peak_bytes() -> int:
+    """Largest resident memory since `_forget_peak`; of this process where that cannot be."""
     try:
         lines = Path('/proc/self/status').read_text().splitlines()
         return next(int(line.split()[1]) * 1024 for line in lines if line.startswith('VmHWM'))
     except (OSError, StopIteration):
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-
-
-_FULL = {errno.ENOSPC: 'no space is left', errno.EDQUOT: 'the quota is used up',
-         errno.EFBIG: 'a file would be larger than allowed'}
-
-
-@dataclasses.dataclass(frozen=True)
-class Task:
-    """A piece and what a worker needs to know beside it.
-
-    Attributes
-    ----------
-    piece : dataclass
-        Has a `key`; `compute` knows the rest.
-    compute : callable
-        ``compute(piece, output)``, a function of a module; returns a dataclass or a mapping of
-        what JSON can hold. Its `files`, where there are any, are names relative to `output`.
-    output : path
-        Output folder of the job, which every worker sees under the same name.
-    mark : str
-        Fingerprint of the piece.
-    run : str
-        Name of this run of the job.
-    retries : int
-        How often a piece is tried again.
-    memory_bytes : int or None
-        Bound of a worker.
-    version : str
-        Version of this package at the job's own process.
-    """
-
-    piece: Any
-    compute: Callable[[Any, Path], Any]
-    output: Path
-    mark: str
-    run: str
-    retries: int
-    memory_bytes: int | None = None
-    version: str = sar_imaging.__version__
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,9 +85,8 @@ class Outcome:
     Attributes
     ----------
     state : str
-        'done'; 'lost', for good; 'again', may go better another time; 'free', its worker died
-        before it began; 'stop', no piece would go better: the disk is full, or a worker lacks
-        something.
+        'done'; 'lost', for good; 'stop', no piece would go better: the disk is full, or a worker
+        lacks something.
     reason : str
         Of what is not done, one line.
     record : dict or None
@@ -160,98 +101,73 @@ class Outcome:
     where: str = ''
 
 
-def run_piece(task: Task) -> Outcome:
-    """Compute a piece in this process, unless its record says that it is finished."""
-    records = Records(task.output)
-    trouble = _trouble_with_this_machine(task, records)
-    if trouble:
-        return Outcome('stop', trouble)
-    try:
-        return _run(task, records)
-    except Exception as error:
-        return classify(error, task.memory_bytes)
+class PassingTrouble(RuntimeError):
+    """Trouble with files or the network: Dask tries the piece again."""
 
 
-def _trouble_with_this_machine(task: Task, records: Records) -> str:
-    if task.version != sar_imaging.__version__:
-        return (f'the worker on {socket.gethostname()} has sar_imaging {sar_imaging.__version__}, '
-                f'the job {task.version}; install the same version on both')
-    if not records.ready():
-        return (f'the worker on {socket.gethostname()} does not see {task.output}; the output '
-                'folder must be shared by all workers under the same name')
-    return ''
+def run_piece(piece: Any, mark: str, *, compute: Callable[[Any, Path], Any], output: Path,
+              run: str, memory_bytes: int | None, version: str) -> Outcome:
+    """Compute a piece on a worker, unless its record says that it is finished.
 
-
-def _run(task: Task, records: Records) -> Outcome:
-    key = task.piece.key
-    record = records.read(key, task.mark)
-    if record is not None:  # a worker that died after it, or lost its connection
-        records.finish(key)
-        return Outcome('done', record=record)
-    starts = records.start(key, task.run)
-    if starts > task.retries + 1:
-        return Outcome('lost', died(starts - 1))
-    begin = time.perf_counter()
-    with Peak() as peak, bounded(_bound_bytes(task.memory_bytes)):
-        result = task.compute(task.piece, task.output)
-    seconds = time.perf_counter() - begin
-    told = dataclasses.asdict(result) if dataclasses.is_dataclass(result) else dict(result or {})
-    record = records.write(key, task.mark, result=told, seconds=round(seconds, 4),
-                           peak_bytes=peak.n_bytes, worker=_worker(), pid=os.getpid(),
-                           run=task.run)
-    records.finish(key)
-    return Outcome('done', record=record)
-
-
-def _bound_bytes(n_bytes: int | None) -> int | None:
-    """Bound of this process, which may compute several pieces at a time."""
-    if n_bytes is None:
-        return None
-    return n_bytes * _n_threads()
-
-
-def _n_threads() -> int:
-    worker = _dask_worker()
-    return 1 if worker is None else worker.state.nthreads
-
-
-def _worker() -> str:
-    worker = _dask_worker()
-    return socket.gethostname() if worker is None else worker.address
-
-
-def _dask_worker():
-    """Dask's worker that runs this function, or None."""
-    try:
-        return require('distributed', 'an archive', extra='archive').get_worker()
-    except ValueError:
-        return None
-
-
-def died(times: int) -> str:
-    """The reason of a piece whose workers died."""
-    return (f'its worker died {times} times while computing it; memory beyond the bound of a '
-            'worker is the usual cause, the log of the worker tells')
-
-
-def classify(error: Exception, memory_bytes: int | None) -> Outcome:
-    """What an error means for the piece and for the job.
+    Errors return as values: those of Python do not always survive the way through Dask, and only
+    the worker sees what caused them.
 
     Parameters
     ----------
-    error : Exception
-        What `compute` raised.
+    piece : dataclass
+        Has a `key`; `compute` knows the rest.
+    mark : str
+        Fingerprint of the piece.
+    compute : callable
+        ``compute(piece, output)``, a function of a module; returns a dataclass or a mapping of
+        what JSON can hold. Its `files`, where there are any, are names relative to `output`.
+    output : path
+        Output folder of the job, which every worker sees under the same name.
+    run : str
+        Name of this run of the job.
     memory_bytes : int or None
-        Bound of a worker.
+        What a piece may take.
+    version : str
+        Version of this package at the job's own process.
 
-    Returns
-    -------
-    Outcome
-        'stop' for a full disk and for a missing library; 'again' for other trouble of the
-        operating system; 'lost' for all else, which the same data would raise again.
+    Raises
+    ------
+    PassingTrouble
+        It may go better another time.
     """
-    where = ''.join(traceback.format_exception(error)[-4:])
-    chain = list(_chain(error))
+    if trouble := trouble_of_worker(output / RECORDS, version, memory_bytes):
+        return Outcome('stop', f'the worker on {socket.gethostname()} {trouble}')
+    try:
+        return Outcome('done', record=_recorded(piece, mark, compute, output, run, memory_bytes))
+    except Exception as error:
+        return _classified(error, memory_bytes)
+
+
+def _recorded(piece, mark: str, compute, output: Path, run: str, memory_bytes: int | None
+              ) -> dict:
+    """Record of a piece, which is computed where there is none."""
+    records, worker = Records(output), dask().get_worker()
+    record = records.read(piece.key, mark)
+    if record is not None:  # its worker died after it, or lost its connection
+        return record
+    records.forget(piece.key)
+    begin = time.perf_counter()
+    _forget_peak()
+    with bounded(memory_bytes and memory_bytes * worker.state.nthreads):
+        result = compute(piece, output)
+    seconds, peak = time.perf_counter() - begin, _peak_bytes()
+    told = dataclasses.asdict(result) if dataclasses.is_dataclass(result) else dict(result or {})
+    return records.write(piece.key, mark, result=told, seconds=round(seconds, 4),
+                         peak_bytes=peak, worker=worker.address, pid=os.getpid(), run=run)
+
+
+def _classified(error: Exception, memory_bytes: int | None) -> Outcome:
+    """What an error means for the piece and for the job.
+
+    'stop' for a full disk and for a missing library; 'lost' for what the same data would raise
+    again; other trouble of the operating system is raised as PassingTrouble.
+    """
+    where, chain = _where(error), list(_chain(error))
     full = next((text for e in chain if (text := _full(e))), '')
     if full:
         return Outcome('stop', full, where=where)
@@ -263,8 +179,12 @@ def classify(error: Exception, memory_bytes: int | None) -> Outcome:
         return Outcome('stop', f'on {socket.gethostname()}, {sys.executable}: {one_line(error)}',
                        where=where)
     if isinstance(error, OSError):
-        return Outcome('again', one_line(error), where=where)
+        raise PassingTrouble(one_line(error)) from error
     return Outcome('lost', one_line(error), where=where)
+
+
+def _where(error: BaseException) -> str:
+    return ''.join(traceback.format_exception(error)[-4:])
 
 
 def _chain(error: BaseException | None):
@@ -294,6 +214,8 @@ def one_line(error: BaseException) -> str:
     plain = isinstance(error, (OSError, MemoryError)) or type(error).__module__.startswith('sar_')
     return text if plain and text else f'{type(error).__name__}: {text}'
 
+
+# ------------------------------------------------------------------ at the job's own process
 
 ALL_DONE, REFUSED, WITH_LOSSES, INTERRUPTED = 0, 1, 3, 130
 
@@ -400,158 +322,41 @@ class Summary:
         return lines
 
 
-def duration(seconds: float) -> str:
-    """A time as people say it: '40 s', '12 min', '3.5 h', '2.1 days'."""
-    for unit, name, most in ((1, 's', 120), (60, 'min', 7200), (3600, 'h', 172800)):
-        if seconds < most:
-            return f'{seconds / unit:.3g} {name}'
-    return f'{seconds / 86400:.3g} days'
-
-
-class Progress:
+class _Progress:
     """A bar for a job's pieces; silent where the output is no terminal.
 
-    Parameters
-    ----------
-    n_pieces : int
-        Of the job.
-    predicted_seconds : float
-        Of all pieces together, on one worker.
+    The time left is that predicted for the pieces to come, times what those until now took of
+    their own prediction.
     """
 
-    def __init__(self, n_pieces: int, predicted_seconds: float):
-        self._left = predicted_seconds
+    def __init__(self, pieces: Sequence[Any]):
+        self._left = sum(piece.seconds for piece in pieces)
         self._predicted = self._measured = 0.0
-        self._losses = 0
-        self._bar = tqdm(total=n_pieces, unit='piece', disable=None, dynamic_ncols=True,
+        self._bar = tqdm(total=len(pieces), unit='piece', disable=None, dynamic_ncols=True,
                          bar_format='{l_bar}{bar}| {n_fmt}/{total_fmt} pieces, {elapsed}'
                                     '{postfix}')
+        self.close = self._bar.close
 
-    def done(self, predicted_seconds: float, seconds: float | None = None) -> None:
-        """A piece is finished; `seconds` None: by an earlier run."""
+    def settled(self, predicted_seconds: float, seconds: float | None = None) -> None:
+        """A piece is finished or lost; `seconds` that it took in this run."""
         self._left -= predicted_seconds
         if seconds is not None:
             self._predicted += predicted_seconds
             self._measured += seconds
         self._bar.update()
 
-    def lost(self, predicted_seconds: float) -> None:
-        """A piece is lost."""
-        self._left -= predicted_seconds
-        self._losses += 1
-        self._bar.update()
-
-    def show(self, n_threads: int) -> None:
+    def show(self, n_threads: int, n_lost: int) -> None:
         """Tell how long it takes with so many threads of workers."""
-        if not n_threads:
-            told = 'waiting for workers'
-        else:
-            told = f'{duration(max(self.seconds_left(n_threads), 0))} left'
-        self._bar.set_postfix_str(f'{told}, {self._losses} lost', refresh=False)
+        pace = self._measured / self._predicted if self._predicted else 1.0
+        told = (f'{duration(max(self._left * pace / n_threads, 0))} left' if n_threads else
+                'waiting for workers')
+        self._bar.set_postfix_str(f'{told}, {n_lost} lost', refresh=False)
         self._bar.refresh()
 
-    def seconds_left(self, n_threads: int) -> float:
-        """Predicted from the pieces to come, corrected by what those until now took."""
-        pace = self._measured / self._predicted if self._predicted else 1.0
-        return self._left * pace / n_threads
 
-    def close(self) -> None:
-        """Leave the bar as it is."""
-        self._bar.close()
-
-
-class Order:
-    """Pieces that wait for others.
-
-    Parameters
-    ----------
-    pieces : sequence
-        With `key` and `needs`.
-
-    Attributes
-    ----------
-    ready : list of int
-        A heap (heapq) of indices of pieces whose needs are settled, less those taken from it.
-
-    Raises
-    ------
-    ValueError
-        Keys occur twice, or a piece needs one that does not exist, or itself.
-    """
-
-    def __init__(self, pieces: Sequence[Any]):
-        indices = {piece.key: index for index, piece in enumerate(pieces)}
-        if len(indices) < len(pieces):
-            twice = next(p.key for i, p in enumerate(pieces) if indices[p.key] != i)
-            raise ValueError(f'two pieces are called {twice!r}; keys must be unique')
-        self._missing = [len(set(piece.needs)) for piece in pieces]
-        self._dependents: dict[int, list[int]] = defaultdict(list)
-        for index, piece in enumerate(pieces):
-            for key in dict.fromkeys(piece.needs):
-                if key not in indices:
-                    raise ValueError(f'{piece.key!r} needs {key!r}, which is not among the pieces')
-                self._dependents[indices[key]].append(index)
-        self.ready = [index for index, missing in enumerate(self._missing) if not missing]
-        self._check_circles(pieces)
-
-    def settled(self, index: int) -> None:
-        """A piece is finished or lost: what waited for it alone is ready."""
-        for other in self._dependents.pop(index, ()):
-            self._missing[other] -= 1
-            if not self._missing[other]:
-                heapq.heappush(self.ready, other)
-
-    def _check_circles(self, pieces: Sequence[Any]) -> None:
-        missing, ready = list(self._missing), list(self.ready)
-        for index in ready:  # grows meanwhile
-            for other in self._dependents.get(index, ()):
-                missing[other] -= 1
-                if not missing[other]:
-                    ready.append(other)
-        if len(ready) < len(pieces):
-            name = next(piece.key for piece, left in zip(pieces, missing, strict=True)
-                        if left)
-            raise ValueError(f'{name!r} needs itself, directly or through others')
-
-
-_LOOKS = 4  # without a process: a nanny that starts one needs less than a second
-
-
-class Upkeep:
-    """Keeps the number of this machine's workers as it was in the beginning.
-
-    Parameters
-    ----------
-    client : distributed.Client
-        Clusters that are not of this machine keep themselves.
-    """
-
-    def __init__(self, client):
-        cluster = client.cluster
-        local = cluster is not None and type(cluster).__name__ == 'LocalCluster'
-        self._cluster = cluster if local else None
-        self._n_workers = len(cluster.worker_spec) if local else 0
-        self._dead: Counter = Counter()
-
-    def look(self) -> None:
-        """Replace workers that have had no process for some looks; call it every second."""
-        if self._cluster is None:
-            return
-        nannies = list(self._cluster.workers.items())  # workers of this process have no pid
-        dead = [name for name, nanny in nannies if getattr(nanny, 'pid', 0) is None]
-        self._dead = Counter({name: self._dead[name] + 1 for name in dead})
-        gone = [name for name, looks in self._dead.items() if looks >= _LOOKS]
-        if gone:
-            self._cluster.sync(self._cluster.scale_down, gone)
-        if len(self._cluster.worker_spec) < self._n_workers:
-            self._cluster.scale(self._n_workers)
-
-
-IN_FLIGHT = 3  # pieces for each thread of a worker: one runs, the others wait beside it
 _LOOK_SECONDS = 1.0  # how often workers are counted
 _WAIT_SECONDS = 600.0  # how long a job waits for workers when there are none
-_ANSWER_SECONDS = 10.0  # how long an answer may take from its worker
-_MOST_RESUBMISSIONS = 100  # of a piece whose workers die before they start it
+_GOES_ON = 'start the job again: it goes on where it stopped'
 
 
 def run_pieces(pieces: Sequence[Any], compute: Callable[[Any, Path], Any], client, output: Path,
@@ -560,15 +365,12 @@ def run_pieces(pieces: Sequence[Any], compute: Callable[[Any, Path], Any], clien
                on_result: Callable[[Any, dict], None] | None = None) -> Summary:
     """Compute the pieces that have no record yet, on the workers of a Dask client.
 
-    The scheduler never holds more than a few pieces for each worker: a million need no graph of a
-    million. Of the pieces that can be computed, the earlier in `pieces` goes first.
-
     Parameters
     ----------
     pieces : sequence of Piece
-        See `jobs.pieces.Piece`; keys are unique.
+        See `pieces.Piece`; keys are unique.
     compute : callable
-        ``compute(piece, output)``, a function of a module, see `Task`.
+        ``compute(piece, output)``, a function of a module, see `run_piece`.
     client : distributed.Client
         Whose workers see `output`.
     output : path
@@ -592,47 +394,68 @@ def run_pieces(pieces: Sequence[Any], compute: Callable[[Any, Path], Any], clien
     ValueError
         Keys occur twice, or a piece needs one that does not exist, or itself.
     """
-    run = _Run(pieces, client, output, may_lack, on_result)
-    run.task = dict(compute=compute, output=output, run=uuid.uuid4().hex, retries=retries,
-                    memory_bytes=memory_bytes)
+    run = _Run(pieces, client, output, retries, may_lack, on_result)
+    run.task = dict(compute=compute, output=output, run=uuid.uuid4().hex,
+                    memory_bytes=memory_bytes, version=sar_imaging.__version__)
     return run.go()
+
+
+def _ordered(pieces: Sequence[Any]) -> graphlib.TopologicalSorter:
+    """Indices of the pieces, each after those of its needs."""
+    indices = {piece.key: index for index, piece in enumerate(pieces)}
+    if len(indices) < len(pieces):
+        twice = next(p.key for i, p in enumerate(pieces) if indices[p.key] != i)
+        raise ValueError(f'two pieces are called {twice!r}; keys must be unique')
+    order = graphlib.TopologicalSorter()
+    for index, piece in enumerate(pieces):
+        for key in piece.needs:
+            if key not in indices:
+                raise ValueError(f'{piece.key!r} needs {key!r}, which is not among the pieces')
+        order.add(index, *(indices[key] for key in piece.needs))
+    try:
+        order.prepare()
+    except graphlib.CycleError as error:
+        raise ValueError(f'{pieces[error.args[1][0]].key!r} needs itself, directly or through '
+                         'others') from error
+    return order
 
 
 class _Run:
     """State of one call of `run_pieces`; only the thread that called it changes it."""
 
-    def __init__(self, pieces, client, output, may_lack, on_result):
-        self.order, self.upkeep = Order(pieces), Upkeep(client)
+    def __init__(self, pieces, client, output, retries, may_lack, on_result):
+        self.order, self.ready = _ordered(pieces), []
         self.pieces, self.client, self.records = pieces, client, Records(output)
-        self.may_lack, self.on_result = may_lack, on_result
+        self.retries, self.may_lack, self.on_result = retries, may_lack, on_result
         self.task: dict[str, Any] = {}
         self.marks: dict[str, str | None] = {}  # of finished pieces; None of lost ones
         self.losses: dict[int, Loss] = {}
-        self.tries: Counter[int] = Counter()  # beside the first
-        self.troubles: Counter[int] = Counter()  # those of which were no deaths of workers
         self.futures: dict[Any, int] = {}
-        self.answers: queue.SimpleQueue = queue.SimpleQueue()
+        self.answers = dask().as_completed(loop=client.loop, with_results=True,
+                                           raise_errors=False)
         self.n_computed = self.n_found = 0
         self.stopped, self.computing_seconds, self.peak = '', 0.0, (0, '')
         self.n_threads, self.looked, self.threads_seen = 0, -1e9, time.monotonic()
 
     def go(self) -> Summary:
         begin, interrupted = time.monotonic(), False
-        self.records.prepare()
-        self.progress = Progress(len(self.pieces), sum(p.seconds for p in self.pieces))
+        (self.records.output / RECORDS).mkdir(exist_ok=True)
+        self.client.run_on_scheduler(_let_die(self.retries))
+        self.progress = _Progress(self.pieces)
         try:
-            while not self.stopped and (self.order.ready or self.futures):
+            while not self.stopped and self.order.is_active():
                 self.look()
                 self.submit()
-                if self.futures:
-                    self.take_answers()
+                self.take_answers()
         except KeyboardInterrupt:
             interrupted = True
         finally:
             self.progress.close()
-            self.drop_futures()
-        worst = [self.losses[i] for i in sorted(self.losses)]
-        return Summary(len(self.pieces), self.n_computed, self.n_found, tuple(worst), self.stopped,
+            if self.futures and self.client.status == 'running':
+                # what runs is recorded by its worker, if it ends
+                self.client.cancel(list(self.futures), force=True)
+        losses = tuple(self.losses[i] for i in sorted(self.losses))
+        return Summary(len(self.pieces), self.n_computed, self.n_found, losses, self.stopped,
                        interrupted, time.monotonic() - begin, self.computing_seconds, *self.peak)
 
     def look(self) -> None:
@@ -641,130 +464,95 @@ class _Run:
         if now - self.looked < _LOOK_SECONDS:
             return
         self.looked = now
-        self.upkeep.look()
         if self.client.status != 'running':
-            self.stop('the scheduler has gone; start the job again: it goes on where it stopped')
+            self.stop(f'the scheduler has gone; {_GOES_ON}')
             return
         try:
             self.n_threads = sum(self.client.nthreads().values())
         except OSError as error:
-            self.stop(f'the scheduler does not answer ({error}); start the job again: it goes on '
-                      'where it stopped')
+            self.stop(f'the scheduler does not answer ({error}); {_GOES_ON}')
             return
         if self.n_threads:
             self.threads_seen = now
         elif now - self.threads_seen > _WAIT_SECONDS:
             self.stop(f'there was no worker for {_WAIT_SECONDS / 60:g} minutes; start workers and '
                       'the job again: it goes on where it stopped')
-        self.progress.show(self.n_threads)
+        self.progress.show(self.n_threads, len(self.losses))
 
     def submit(self) -> None:
-        """Give the workers pieces, the first of those that can be computed before others."""
-        most = IN_FLIGHT * max(self.n_threads, 1)
-        while self.order.ready and len(self.futures) < most and not self.stopped:
-            self.consider(heapq.heappop(self.order.ready))
+        """Give every thread a piece, the first of those that can be computed before others."""
+        while len(self.futures) < max(self.n_threads, 1) and not self.stopped:
+            for index in self.order.get_ready():
+                heapq.heappush(self.ready, index)
+            if not self.ready:
+                return
+            self.consider(heapq.heappop(self.ready))
 
     def consider(self, index: int) -> None:
         """Submit a piece whose needs are settled, unless it is finished or cannot be computed."""
         piece = self.pieces[index]
-        lost = [key for key in piece.needs if self.marks[key] is None]
+        needs = {key: self.marks[key] for key in piece.needs}
+        lost = [key for key in piece.needs if needs[key] is None]
         if lost and not self.may_lack(piece, lost):
             more = f' and {len(lost) - 1} more, which are lost' if lost[1:] else ', which is lost'
-            self.lose(index, Outcome('lost', f'needs {lost[0]}{more}'))
+            self.settle(index, Outcome('lost', f'needs {lost[0]}{more}'))
             return
-        mark = fingerprint(piece, {key: self.marks[key] for key in piece.needs})
+        mark = fingerprint(piece, needs)
         record = self.records.read(piece.key, mark)
         if record is not None:
-            self.finish(index, Outcome('done', record=record))
+            self.settle(index, Outcome('done', record=record))
             return
-        self.records.forget(piece.key)
-        self.send(index, mark)
-
-    def send(self, index: int, mark: str) -> None:
-        piece, number = self.pieces[index], self.tries[index]
-        again = f', again ({number})' if number else ''
         # Dask's dashboard groups tasks by the first entry. The last one keeps jobs apart, for a
         # scheduler takes tasks of one key for one, whoever sent them.
         future = self.client.submit(
-            run_piece, Task(piece=piece, mark=mark, **self.task),
-            key=(piece.KIND, piece.key + again, self.task['run'][:8]),
-            priority=-index)
-        self.expect(index, future)
-
-    def expect(self, index: int, future) -> None:
+            run_piece, piece, mark, key=(piece.KIND, piece.key, self.task['run'][:8]),
+            priority=-index, retries=self.retries, **self.task)
         self.futures[future] = index
-        future.add_done_callback(self.answers.put)
+        self.answers.add(future)
 
     def take_answers(self) -> None:
-        """Wait for an answer, and take all that came meanwhile."""
-        try:
-            future = self.answers.get(timeout=_LOOK_SECONDS)
-        except queue.Empty:
+        """Wait for an answer for a while, and take all that came meanwhile."""
+        if not self.futures:
             return
-        while future is not None:
-            index = self.futures.pop(future, None)
-            outcome = None if index is None else self.outcome(index, future)
-            if outcome is not None:
-                self.settle(index, outcome)
-            elif index is not None:
-                self.expect(index, future)
-            future = None if self.answers.empty() else self.answers.get()
+        with contextlib.suppress(queue.Empty):
+            first = self.answers.queue.get(timeout=_LOOK_SECONDS)  # the iterator has no timeout
+            for future, answer in (first, *self.answers.next_batch(block=False)):
+                index = self.futures.pop(future)
+                self.settle(index, self.outcome(index, answer))
 
-    def outcome(self, index: int, future) -> Outcome | None:
-        """What became of a piece; the end of its worker and of the scheduler among others.
-
-        None where the answer has gone with its worker: Dask then computes the piece again. Nobody
-        waits for that here, for it is `look` that replaces workers.
-        """
-        try:
-            return self.answered(index, future)
-        except dask().TimeoutError:
-            return None
-
-    def answered(self, index: int, future) -> Outcome | None:
-        if future.status == 'finished':
-            return future.result(timeout=_ANSWER_SECONDS)
-        if future.status == 'cancelled':
+    def outcome(self, index: int, answer: Outcome | tuple | BaseException) -> Outcome:
+        """What became of a piece; an error of Dask is a tuple with its type and traceback."""
+        if isinstance(answer, Outcome):
+            return answer
+        error = answer[1] if isinstance(answer, tuple) else answer
+        if isinstance(error, CancelledError):
             return Outcome('stop', 'the scheduler has gone, or dropped the piece '
-                           f'{self.pieces[index].key}; start the job again: it goes on where it '
-                           'stopped')
-        if future.status != 'error':
-            return None
-        error = future.exception(timeout=_ANSWER_SECONDS)
+                           f'{self.pieces[index].key}; {_GOES_ON}')
         if isinstance(error, dask().KilledWorker):
-            return self.after_death(index)
+            return Outcome('lost', f'its worker died {self.retries + 1} times while computing '
+                           'it; memory beyond the bound of a worker is the usual cause, the log '
+                           'of the worker tells')
         if cannot_import(error):
             return Outcome('stop', f'a worker cannot load what it should run ({error}); install '
                            'this version of sar_imaging and its extra `archive` on all of them')
-        return Outcome('again', f'{type(error).__name__}: {" ".join(str(error).split())}')
-
-    def after_death(self, index: int) -> Outcome:
-        """Lost if workers died of this piece too often; the others merely waited there."""
-        key = self.pieces[index].key
-        starts = self.records.starts(key, self.task['run'])
-        if starts > self.task['retries']:
-            return Outcome('lost', died(starts))
-        if self.tries[index] >= _MOST_RESUBMISSIONS:
-            return Outcome('lost', f'{_MOST_RESUBMISSIONS} workers died before they started it')
-        return Outcome('free')
+        text = str(error) if isinstance(error, PassingTrouble) else one_line(error)
+        return Outcome('lost', text, where=_where(error))
 
     def settle(self, index: int, outcome: Outcome) -> None:
-        """Keep what became of a piece, or send it again."""
-        if outcome.state == 'done':
-            self.finish(index, outcome)
-        elif outcome.state == 'stop':
+        """Keep what became of a piece: what waited for it alone is ready."""
+        if outcome.state == 'stop':
             self.stop(outcome.reason)
-        elif outcome.state == 'free' or self.troubles[index] < self.task['retries'] and (
-                outcome.state == 'again'):
-            self.tries[index] += 1
-            self.troubles[index] += outcome.state == 'again'
-            piece = self.pieces[index]
-            self.send(index, fingerprint(piece, {key: self.marks[key] for key in piece.needs}))
+            return
+        piece = self.pieces[index]
+        if outcome.state == 'done':
+            self.finish(piece, outcome.record)
         else:
-            self.lose(index, outcome)
+            self.marks[piece.key] = None
+            self.losses[index] = Loss(piece.key, outcome.reason, outcome.where)
+            self.progress.settled(piece.seconds)
+        self.order.done(index)
 
-    def finish(self, index: int, outcome: Outcome) -> None:
-        piece, record = self.pieces[index], outcome.record
+    def finish(self, piece, record: dict) -> None:
         self.marks[piece.key] = record['fingerprint']
         fresh = record['run'] == self.task['run']
         self.n_computed += fresh
@@ -772,24 +560,16 @@ class _Run:
         if fresh:
             self.computing_seconds += record['seconds']
             self.peak = max(self.peak, (record['peak_bytes'], piece.key))
-        self.progress.done(piece.seconds, record['seconds'] if fresh else None)
+        self.progress.settled(piece.seconds, record['seconds'] if fresh else None)
         if self.on_result is not None:
             self.on_result(piece, record['result'])
-        self.order.settled(index)
-
-    def lose(self, index: int, outcome: Outcome) -> None:
-        piece = self.pieces[index]
-        self.marks[piece.key] = None
-        self.records.forget(piece.key)
-        self.losses[index] = Loss(piece.key, outcome.reason, outcome.where)
-        self.progress.lost(piece.seconds)
-        self.order.settled(index)
 
     def stop(self, reason: str) -> None:
         self.stopped = self.stopped or reason
 
-    def drop_futures(self) -> None:
-        """Take back what was not begun; what runs is recorded by its worker, if it ends."""
-        if self.futures and self.client.status == 'running':
-            self.client.cancel(list(self.futures), force=True)
-        self.futures.clear()
+
+def _let_die(retries: int) -> Callable:
+    """Function for the scheduler: how often workers may die of a piece before it is lost."""
+    def let_die(dask_scheduler):  # nested, it travels as code: a scheduler needs no sar_imaging
+        dask_scheduler.allowed_failures = retries
+    return let_die

@@ -29,9 +29,17 @@ from .pieces import (
     SumPiece,
 )
 from .recordings import find_recordings, scan_piece, with_datum
-from .records import OutputLock, claim, write_whole
+from .records import claim, held
 from .runner import Loss, Summary, run_pieces
-from .scans import Loss as ScanLoss, RecordingScan, load_job, load_scan, remove_parts, write_scan
+from .scans import (
+    Loss as ScanLoss,
+    RecordingScan,
+    load_job,
+    load_scan,
+    remove_parts,
+    write_scan,
+    write_text,
+)
 from .tiles import coherence_tile, looks_tile
 
 SUMMARY_FILE, PLAN_FILE = 'summary.json', 'plan.txt'
@@ -128,7 +136,7 @@ def _opened(job: Job, workers: int | None, scheduler: str | None, tell: Callable
     recordings = find_recordings(job)
     job = with_datum(job, recordings)
     job.output.mkdir(parents=True, exist_ok=True)
-    with OutputLock(job.output):
+    with held(job.output):
         claim(job)
         with open_cluster(job.output, scheduler=scheduler, workers=workers,
                           memory_bytes=int(job.memory_bytes)) as client:
@@ -175,14 +183,14 @@ def _scan_piece(key: str, name: str, path: Path) -> ScanPiece:
 
 def _divide(job: Job, scans: list[RecordingScan], tell: Callable[[str], None]) -> ArchivePlan:
     plan = divide(job, [aperture for scan in scans for aperture in scan.apertures])
-    write_whole(job.output / PLAN_FILE, f'{plan}\n')
+    write_text(job.output / PLAN_FILE, f'{plan}\n')
     tell(str(plan))
     return plan
 
 
 def _written(output: Path, summary: Summary) -> Summary:
     told = {'version': sar_imaging.__version__, **summary.as_json()}
-    write_whole(output / SUMMARY_FILE, json.dumps(told, indent=1) + '\n')
+    write_text(output / SUMMARY_FILE, json.dumps(told, indent=1) + '\n')
     return summary
 
 

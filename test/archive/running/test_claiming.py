@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sar_imaging.archive.job import Job
-from sar_imaging.archive.records import OtherJobError, OutputInUseError, OutputLock, claim
+from sar_imaging.archive.records import OtherJobError, OutputInUseError, claim, held
 from sar_imaging.archive.scans import load_job
 from sar_imaging.geometry.earth import Datum
 
@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[3]
 HOLDER = """
 import sys
 from pathlib import Path
-from sar_imaging.archive.records import OutputLock
-with OutputLock(Path(sys.argv[1])):
+from sar_imaging.archive.records import held
+with held(Path(sys.argv[1])):
     print('held', flush=True)
     sys.stdin.read()
 """
@@ -61,7 +61,7 @@ def test_a_folder_whose_job_cannot_be_read_is_refused(tmp_path):
 
 
 def test_two_jobs_on_one_output(tmp_path, holder):
-    with pytest.raises(OutputInUseError) as refused, OutputLock(tmp_path):
+    with pytest.raises(OutputInUseError) as refused, held(tmp_path):
         pass
     told = json.loads((tmp_path / 'job.lock').read_text())
     assert f'process {holder.pid} on {told["host"]}, since 20' in str(refused.value)
@@ -72,9 +72,9 @@ def test_the_lock_of_a_killed_job_holds_nobody_up(tmp_path, holder):
     holder.kill()
     holder.wait()
     assert (tmp_path / 'job.lock').exists()
-    with OutputLock(tmp_path):
+    with held(tmp_path):
         pass
-    with OutputLock(tmp_path):
+    with held(tmp_path):
         pass
 
 
@@ -84,6 +84,6 @@ def test_the_lock_is_not_written_through_links(tmp_path, put):
     precious.write_text('kept')
     getattr(tmp_path / 'job.lock', put)(precious)
     with pytest.raises(FileExistsError, match='job.lock is no file of an archive'), \
-            OutputLock(tmp_path):
+            held(tmp_path):
         pass
     assert precious.read_text() == 'kept'

@@ -1,15 +1,15 @@
 """Pieces on real workers: order, losses, retries, what is never computed twice."""
 
-import asyncio
 import json
 import os
 import random
 import signal
-import time
 
 import pytest
 
-from sar_imaging.archive.runner import WITH_LOSSES, run_pieces
+import sar_imaging
+from sar_imaging.archive import cluster
+from sar_imaging.archive.runner import WITH_LOSSES, run_piece, run_pieces
 
 
 @pytest.fixture
@@ -98,18 +98,16 @@ def test_a_worker_that_always_dies_for_one_piece_costs_that_piece_alone(run, toy
 
 def test_one_worker_whose_piece_always_kills_it_spares_those_that_wait(toys, tmp_path):
     """All others stand behind it in the queue of the only worker, time after time."""
-    from sar_imaging.archive.cluster import open_cluster
     pieces = [toys.Toy(key='killer', does='die'), toys.Toy(key='a'), toys.Toy(key='b')]
-    with open_cluster(tmp_path, workers=1) as client:
+    with cluster.open_cluster(tmp_path, workers=1) as client:
         summary = run_pieces(pieces, toys.compute, client, tmp_path, retries=2)
     assert [loss.key for loss in summary.losses] == ['killer']
     assert sorted(toys.calls(tmp_path)) == ['a', 'b', 'killer', 'killer', 'killer']
 
 
-def test_a_worker_that_is_gone_for_good_is_replaced(toys, tmp_path):
+def test_a_worker_that_is_gone_for_good_is_replaced(toys, tmp_path, monkeypatch):
     """Dask's nannies start workers again, but not always: some give up."""
-    from sar_imaging.archive.cluster import open_cluster
-
+    monkeypatch.setitem(cluster._SETTINGS, 'distributed.deploy.lost-worker-timeout', '1s')
     removed = []
 
     def remove(piece, result):
@@ -119,39 +117,22 @@ def test_a_worker_that_is_gone_for_good_is_replaced(toys, tmp_path):
             client.cluster.sync(nanny.kill)
             removed.append(nanny)
 
-    with open_cluster(tmp_path, workers=1) as client:
+    with cluster.open_cluster(tmp_path, workers=1) as client:
         summary = run_pieces(toys.tree(4), toys.compute, client, tmp_path, on_result=remove)
         assert removed[0] not in client.cluster.workers.values()
     assert summary.exit_status == 0
 
 
-def test_answers_that_went_with_their_worker_are_asked_for_again(toys, tmp_path):
-    """The only worker goes after it finished pieces, and before their answers are taken."""
-    from sar_imaging.archive.cluster import open_cluster
-    gone = []
-
-    def leave(states, status):
-        limit = time.monotonic() + 60
-        while any(state.status == status for state in states):
-            assert time.monotonic() < limit, f'an answer is still {status}'
-            client.sync(asyncio.sleep, 0.01)
-
-    def remove(piece, result):
-        if gone:
-            return
-        states = list(client.futures.values())
-        gone.append(len(states))
-        leave(states, 'pending')
-        [nanny] = client.cluster.workers.values()
-        nanny.instantiate = None  # it cannot start another
-        client.cluster.sync(nanny.kill)
-        leave(states, 'finished')
-
-    with open_cluster(tmp_path, workers=1) as client:
-        summary = run_pieces(toys.tree(4), toys.compute, client, tmp_path, on_result=remove)
-    assert summary.exit_status == 0 and gone[0] > 1
-    # records tell what they were: nothing is computed twice
-    assert sorted(toys.calls(tmp_path)) == sorted(p.key for p in toys.tree(4))
+def test_a_piece_whose_answer_was_lost_is_not_computed_again(toys, client, tmp_path):
+    """Dask asks a worker again, and its record tells what it was."""
+    [piece] = toys.tree(1)
+    (tmp_path / 'records').mkdir()
+    answers = [client.submit(
+        run_piece, piece, 'mark', key=f'piece {number}', compute=toys.compute, output=tmp_path,
+        run='run', memory_bytes=None, version=sar_imaging.__version__).result()
+        for number in range(2)]
+    assert json.dumps(answers[0].record) == json.dumps(answers[1].record)
+    assert toys.calls(tmp_path) == [piece.key]
 
 
 @pytest.mark.parametrize('does', ['die once', 'trouble once'])
