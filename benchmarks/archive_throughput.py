@@ -24,7 +24,7 @@ import numpy as np
 
 from sar_imaging.configuration.scene_grid import GridChoice
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.recordings import open_source
+from sar_imaging.recordings import open_pulses
 from sar_imaging.simulation.survey import Survey
 from sar_imaging.tools.products import forming
 from sar_imaging.tools.simulate_archive import TRUTH_FILE, write_archive
@@ -48,7 +48,7 @@ def in_turn(folder: pathlib.Path, output: pathlib.Path, spacing_m: float) -> Non
     As `sar-imaging image` does it, with all cores.
     """
     for path in recordings(folder):
-        source = open_source(pathlib.Path(path))
+        source = open_pulses(pathlib.Path(path))
         size = np.ptp(source.area_m, axis=0)
         grid = MapGrid.from_size(tuple(source.area_m.mean(axis=0)), size[0], size[1], spacing_m)
         image, _ = forming.form(source, GridChoice(grid, 'ground', 0, 0, ()), TARGET_DB, 2e9)

@@ -17,7 +17,7 @@ from sar_imaging.autofocus import Autofocus
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.radiometry import multilook
-from sar_imaging.recordings import open_source
+from sar_imaging.recordings import open_pulses
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
@@ -276,7 +276,7 @@ def channels() -> None:
 def farm(centre_m: tuple[float, float], width_m: float, height_m: float
          ) -> tuple[MapGrid, np.ndarray]:
     """A part of the recording `bags/countryside`: its grid and power."""
-    [block] = open_source(ROOT / 'bags' / 'countryside').profiles(1e9)
+    [block] = open_pulses(ROOT / 'bags' / 'countryside').profiles(1e9)
     grid = MapGrid.from_size((*centre_m, 0.0), width_m, height_m, 0.2)
     image = plan_image(grid, block.radar, block.n_samples)(block)
     return grid, np.abs(image.samples) ** 2

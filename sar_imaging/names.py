@@ -39,7 +39,8 @@ def advice_on(name: object, known: Iterable[str]) -> str:
     return f'did you mean {close[0]}?' if close else f'expected one of {", ".join(known)}'
 
 
-def moved(module: str, home: str, names: Iterable[str]) -> Callable[[str], object]:
+def moved(module: str, home: str, names: Iterable[str] = (), **renamed: str
+          ) -> Callable[[str], object]:
     """The `__getattr__` of a module whose names went elsewhere: a warning says where they are.
 
     Parameters
@@ -48,14 +49,16 @@ def moved(module: str, home: str, names: Iterable[str]) -> Callable[[str], objec
         Where they were and are.
     names : iterable of str
         What went there.
+    **renamed : str
+        Former and present name of what also got another one.
     """
-    names = frozenset(names)
+    present = {name: name for name in names} | renamed
 
     def find(name: str):
-        if name not in names:
+        if name not in present:
             raise AttributeError(f'module {module!r} has no attribute {name!r}')
-        warnings.warn(f'{module}.{name} is now {home}.{name}; the old name goes with the next '
-                      'release', DeprecationWarning, stacklevel=2)
-        return getattr(importlib.import_module(home), name)
+        warnings.warn(f'{module}.{name} is now {home}.{present[name]}; the former name goes with '
+                      'the next release', DeprecationWarning, stacklevel=2)
+        return getattr(importlib.import_module(home), present[name])
 
     return find

@@ -12,7 +12,7 @@ from hypothesis import settings
 from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.imaging.correlation import correlate
-from sar_imaging.recordings import bag_io, open_source
+from sar_imaging.recordings import bag_io, open_pulses
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.spectra import band_spectrum
@@ -112,6 +112,22 @@ def psf():
 
 
 @pytest.fixture(scope='session')
+def make_block():
+    """Blocks of range profiles: pulses 10 ms apart on a track along y at 100 m/s."""
+    radar = RadarParameters(carrier_hz=10e9, bandwidth_hz=1e8, sample_rate_hz=2e8,
+                            first_sample_delay_s=1e-6)
+
+    def make(first, n, *, n_samples=3, positions=True):
+        counter = np.arange(first, first + n)
+        track = np.stack([np.zeros(n), counter * 1.0, np.full(n, 500.0)], axis=-1)[:, None]
+        return PulseBlock(radar, True, 1_700_000_000_000_000_000 + counter * 10_000_000, counter,
+                          np.ones((n, 1, n_samples), np.complex64),
+                          track if positions else None, track if positions else None)
+
+    return make
+
+
+@pytest.fixture(scope='session')
 def spotlight_bag():
     """Folder of a recording of ten scatterers, two apertures."""
     return ROOT / 'bags' / 'spotlight'
@@ -123,9 +139,9 @@ def spotlight_cphd(spotlight_bag, tmp_path_factory):
     pytest.importorskip('sarkit', reason='the extra formats is not installed')
     from sar_imaging.formats.cphd import write_cphd
 
-    source = open_source(spotlight_bag)
+    source = open_pulses(spotlight_bag)
     path = tmp_path_factory.mktemp('cphd') / 'spotlight.cphd'
-    write_cphd(path, source.read(1e7), Datum(47.3, 8.5, 430.0, 20.0), source.grid)
+    write_cphd(path, source.blocks(1e7), Datum(47.3, 8.5, 430.0, 20.0), source.grid)
     return path
 
 

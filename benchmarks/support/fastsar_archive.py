@@ -13,7 +13,7 @@ import numpy as np
 
 from sar_imaging.geometry import MapGrid
 from sar_imaging.quality.verification import measure_error
-from sar_imaging.recordings import open_source
+from sar_imaging.recordings import open_pulses
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import Waveform
 from sar_imaging.signal.spectra import band_spectrum
@@ -60,8 +60,8 @@ def _keep(path: str, output: pathlib.Path, spacing_m: float, kind: str) -> None:
 
 def _read(path: str, spacing_m: float) -> tuple[PulseBlock, MapGrid]:
     """Pulses, and pixels that FastSAR can have: its origin lies half a pixel off their middle."""
-    source = open_source(path)
-    [block] = source.read(1e12)
+    source = open_pulses(path)
+    [block] = source.blocks(1e12)
     side = 2 * round(float(np.ptp(source.area_m, axis=0)[0]) / spacing_m / 2)
     return block, MapGrid((-spacing_m / 2, -spacing_m / 2, 0.0), side, side, spacing_m)
 

@@ -1067,8 +1067,8 @@ def geotiff(path):
 
 @_call
 def bag(path):
-    from sar_imaging.recordings import open_source
-    return sum(block.n_pulses for block in open_source(path).read(1e9))
+    from sar_imaging.recordings import open_pulses
+    return sum(block.n_pulses for block in open_pulses(path).blocks(1e9))
 
 
 @_call

@@ -27,7 +27,12 @@ from ..imaging.imager import plan_image
 from ..imaging.methods import EXACT
 from ..planning.costs import DEFAULT, using
 from ..radiometry import QUANTITIES, BrightnessScale, KnotResponse
-from ..recordings.sources import Source, lit_acquisition, open_source, pointing_of
+from ..recordings.pulse_source import (
+    PulseSource as Source,
+    lit_acquisition,
+    open_pulses,
+    pointing_of,
+)
 from .division import BLOCK_SHARE, SICD_BYTES, room_bytes
 from .images import StoredImage, one_thread
 from .job import Job
@@ -142,7 +147,7 @@ def write_sicd_image(piece: ProductPiece, job: Job, output: Path) -> PieceResult
         return PieceResult(piece.key, 0.0, warnings=(
             'no SICD: neither the job nor the recording tells where on the Earth it is; give '
             'datum',))
-    source = open_source(scan.path, aperture=scan.aperture, datum=scan.datum)
+    source = open_pulses(scan.path, aperture=scan.aperture, datum=scan.datum)
     looks = pointing_of(source)
     acquisition = lit_acquisition(source, looks)
     grid = _grid(scan, job, acquisition, datum)

@@ -27,7 +27,12 @@ from ..geometry.earth import Datum
 from ..radiometry import BrightnessScale, KnotResponse
 from ..recordings.bag_io import BagError, read_truth
 from ..recordings.kinds import CPHD, RECORDING, UnknownKindError, kind_of
-from ..recordings.sources import Source, SourceError, open_apertures, pointing_of
+from ..recordings.pulse_source import (
+    PulseSource as Source,
+    SourceError,
+    open_apertures,
+    pointing_of,
+)
 from .division import Pulses, UndividableError, divide_aperture, surface_points
 from .job import Job, JobError
 from .pieces import ArchiveDataError, PieceResult, ScanPiece

@@ -147,7 +147,7 @@ class ApertureScan:
     recording : str
         Its name in the archive: ``'flight-012'``, the name of its strip.
     aperture : int or None
-        Number that `open_source` takes; None for a file with one.
+        Number that `open_pulses` takes; None for a file with one.
     fingerprint : str
         Of the recording: sizes of its files and a checksum of their first and last bytes.
     kind : str

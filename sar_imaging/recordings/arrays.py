@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -30,9 +30,11 @@ from . import (
 )
 from .data_files import DataFiles, find_files
 from .description import SECTIONS, DescriptionError, Section, find_description, read_description
+from .driver_bags import read_bag_frames
 from .frames import ALIGNMENT_KEYS, FrameConverter, FrameError, convert_all
 from .poses import read_poses
 from .scene import Scene, read_scene
+from .truth import antenna_truth, make_truth
 from .virtual_array import VirtualArray, calibration_weights, read_array
 
 POSES_AROUND_NS = 3_000_000_000  # kept before the first and after the last pulse
@@ -192,11 +194,24 @@ class Loaded:
     mount: Mount | None = None
 
 
+def truth_of(loaded: Loaded, alignment: Alignment | None) -> dict:
+    """Truth of a recording of these data, with the alignment to image them with."""
+    scene, block = loaded.scene, loaded.block
+    return make_truth(
+        scenario=loaded.name, description=loaded.description, notes=loaded.notes,
+        scatterers=scene.scatterers, grid=scene.grid,
+        pulses_per_aperture=scene.pulses_per_aperture or int(block.counter[-1]) + 1,
+        n_pulses=block.n_pulses, n_channels=block.n_channels, cut_half_width_m=scene.cut_m,
+        radar=block.radar, compressed=block.compressed, window=scene.window,
+        alignment=alignment, frame=scene.frame, datum=scene.datum) | antenna_truth(
+            loaded.antenna, loaded.mount)
+
+
 def load(description: Path | str, data: Path | str | None = None, *,
-         changes: Mapping[str, object] | None = None,
-         read_bag: Callable[[Path, str | None], PoseTable] | None = None,
-         read_frames: Callable[..., Iterable[tuple[object, int]]] | None = None) -> Loaded:
-    """Load measured data by a YAML description.
+         changes: Mapping[str, object] | None = None) -> Loaded:
+    """Load measured data by a YAML description, as they are: pulses and poses on their clocks.
+
+    `open_pulses` opens the same description as pulses with positions.
 
     Parameters
     ----------
@@ -207,11 +222,6 @@ def load(description: Path | str, data: Path | str | None = None, *,
         beside the description.
     changes : mapping, optional
         Values in place of those of the file, by path such as ``'alignment.time_offset_s'``.
-    read_bag : callable, optional
-        Reads the poses of ROS bags, see `sar_imaging.recordings.poses.read_poses`.
-    read_frames : callable, optional
-        Reads raw messages of a bag from its path, the name of a topic, sizes and axes; see
-        `sar_imaging.recordings.frames.convert_all`.
 
     Returns
     -------
@@ -245,7 +255,7 @@ def load(description: Path | str, data: Path | str | None = None, *,
     """
     description = find_description(description)
     try:
-        return _load(description, data, changes or {}, read_bag, read_frames)
+        return _load(description, data, changes or {})
     except (FrameError, ImportError):
         raise
     except Exception as error:  # numbers that contradict each other fail anywhere
@@ -256,14 +266,13 @@ def load(description: Path | str, data: Path | str | None = None, *,
         raise DescriptionError(f'{description.name}: {text}') from error
 
 
-def _load(description: Path, data: Path | str | None, changes: Mapping[str, object], read_bag,
-          read_frames) -> Loaded:
+def _load(description: Path, data: Path | str | None, changes: Mapping[str, object]) -> Loaded:
     top = read_description(description, changes)
     section, folder, files = _find(top, description, data)
     warnings: tuple[str, ...] = ()
     if 'topic' in section:
         every = DataFiles([])
-        pulses, array, warnings = _read_messages(top, section, folder, files, read_frames)
+        pulses, array, warnings = _read_messages(top, section, folder, files)
         shape = (pulses.n_pulses,)
     else:
         every = DataFiles(files)
@@ -274,7 +283,7 @@ def _load(description: Path, data: Path | str | None, changes: Mapping[str, obje
     if ('poses' in top) == ('positions' in top):
         raise top.error('positions', 'either positions or poses, to say where the radar was')
     if 'poses' in top:
-        poses = read_poses(top.section('poses', pose_files.KEYS), folder, every, read_bag)
+        poses = read_poses(top.section('poses', pose_files.KEYS), folder, every)
     else:
         position_m, pulses = _read_positions(top, folder, every, shape, pulses)
     if 'calibration' in top:
@@ -369,11 +378,9 @@ def _read_pulses(top: Section, section: Section, folder: Path, data: DataFiles
     return PulseBlock(radar, compressed, time_ns, counter, values), array, shape
 
 
-def _read_messages(top: Section, section: Section, folder: Path, files: list[Path], read_frames
+def _read_messages(top: Section, section: Section, folder: Path, files: list[Path]
                    ) -> tuple[PulseBlock, VirtualArray, tuple[str, ...]]:
     """Pulses of raw messages in a bag, and what a person should know."""
-    if read_frames is None:
-        raise section.error('topic', 'files without messages here', 'sar-imaging load reads bags')
     parts = files[0].rglob('*') if files[0].is_dir() else files
     check_memory(files[0].name, _OF_MESSAGES * sum(p.stat().st_size for p in parts))
     for name, keys, known in (('samples', samples.OF_FILES, samples.KEYS),
@@ -385,7 +392,7 @@ def _read_messages(top: Section, section: Section, folder: Path, files: list[Pat
                                  'leave it out')
     converter = FrameConverter(top, folder)
     sizes = section.section('sizes', samples.AXES)
-    pulses, warnings = convert_all(converter, read_frames(
+    pulses, warnings = convert_all(converter, read_bag_frames(
         files[0], section.text('topic'),
         {key: sizes.integer(key) for key in ('channel', 'sample') if key in sizes},
         section.raw('axes', None)))

@@ -14,9 +14,9 @@ from msg_conversions.radar_frames import FRAME_TYPES, INFO_TYPES, read_frame, re
 from ..files import naming
 from ..geometry.poses import PoseTable
 from ..names import advice_on
-from . import DescriptionError
 from .bag_files import check_bag, checked
 from .bag_io import BagError
+from .description import DescriptionError
 from .frames import FrameError
 
 _PATHS = {  # place of position and orientation in a message

@@ -7,6 +7,7 @@ from pathlib import Path
 from ..files import reading
 
 RECORDING, CPHD, SICD, GEOTIFF = 'recording', 'CPHD', 'SICD', 'GeoTIFF'
+DESCRIPTION = 'description'  # of arrays, in YAML, which has no first bytes
 _STARTS = {b'CPHD/': CPHD, b'NITF': SICD, b'II*\0': GEOTIFF, b'MM\0*': GEOTIFF, b'II+\0': GEOTIFF,
            b'MM\0+': GEOTIFF}
 _SUFFIXES = {'': RECORDING, '.cphd': CPHD, '.nitf': SICD, '.ntf': SICD, '.tif': GEOTIFF,
@@ -32,6 +33,8 @@ def kind_of(path: Path) -> str:
             raise UnknownKindError(f'{path} is a folder without metadata.yaml; expected that of a '
                                    'recording (rosbag2)')
         return RECORDING
+    if path.suffix.lower() in ('.yaml', '.yml'):
+        return DESCRIPTION
     with reading(path, 'CPHD, SICD or GeoTIFF', UnknownKindError), open(path, 'rb') as file:
         start = file.read(8)
     for begin, kind in _STARTS.items():

@@ -1,13 +1,9 @@
-"""Poses of a platform from files: CSV, TUM trajectories, OptiTrack exports, arrays.
-
-ROS bags are read by whoever knows ROS; see `read_poses`.
-"""
+"""Poses of a platform from files: CSV, TUM trajectories, OptiTrack exports, arrays, bags."""
 
 from __future__ import annotations
 
 import csv
 import dataclasses
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +14,7 @@ from ..geometry.poses import PoseTable
 from ..numpy_files import check_memory
 from .data_files import DataFiles, numbers, read_table
 from .description import DescriptionError, Section
+from .driver_bags import read_bag_poses
 from .times import to_nanoseconds
 from .tracks import FRAMES, TO_Z_UP, read_unit
 
@@ -34,8 +31,7 @@ _UNITS_M = {'Meters': 1.0, 'Centimeters': 1e-2, 'Millimeters': 1e-3}
 _BYTES_PER_CHARACTER = 8  # of a table of numbers, as Python reads it
 
 
-def read_poses(section: Section, folder: Path, data: DataFiles,
-               read_bag: Callable[[Path, str | None], PoseTable] | None = None) -> PoseTable:
+def read_poses(section: Section, folder: Path, data: DataFiles) -> PoseTable:
     """Poses of a description.
 
     Parameters
@@ -46,9 +42,6 @@ def read_poses(section: Section, folder: Path, data: DataFiles,
         Where files of relative names lie.
     data : DataFiles
         Files of the samples, for poses that stand in them.
-    read_bag : callable, optional
-        Reads the poses of a ROS bag from its path and the name of a topic, None where it is not
-        given.
 
     Returns
     -------
@@ -65,10 +58,10 @@ def read_poses(section: Section, folder: Path, data: DataFiles,
     if path is not None and not path.exists():
         raise section.error('file', f'a file in {folder}')
     if path is None or path.is_dir():
-        kind, found = _read(section, path, data, read_bag)
+        kind, found = _read(section, path, data)
     else:
         with reading(path, 'poses', DescriptionError):
-            kind, found = _read(section, path, data, read_bag)
+            kind, found = _read(section, path, data)
     if 'unit_m' in section:
         found = dataclasses.replace(found, position_m=found.position_m * read_unit(section))
     if section.flag('level'):
@@ -77,18 +70,14 @@ def read_poses(section: Section, folder: Path, data: DataFiles,
     return _checked(_z_up(found, frame), path.name if path else 'poses')
 
 
-def _read(section: Section, path: Path | None, data: DataFiles, read_bag
-          ) -> tuple[str, PoseTable]:
+def _read(section: Section, path: Path | None, data: DataFiles) -> tuple[str, PoseTable]:
     """Format of the poses, and these as the file has them."""
     kind = (section.choice('format', FORMATS) if 'format' in section
             else _guess(section, path))
     if kind == 'arrays':
         return kind, _arrays(section, data if path is None else DataFiles([path]))
     if kind == 'bag':
-        if read_bag is None:
-            raise section.error('format', 'another format than bag here', 'sar-imaging load '
-                                'reads bags')
-        return kind, read_bag(path, section.text('topic', None))
+        return kind, read_bag_poses(path, section.text('topic', None))
     check_memory(str(path.name), _BYTES_PER_CHARACTER * path.stat().st_size)
     return kind, {'csv': _csv, 'tum': _tum, 'optitrack': _optitrack}[kind](section, path)
 

@@ -1,9 +1,10 @@
-"""Pulses, apertures and phase centres of a recording, as evaluation needs them."""
+"""Pulses, apertures and phase centres of a recording: its index, and its pulses in place."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,9 @@ from ..geometry.alignment import Alignment
 from ..geometry.earth import Datum
 from ..geometry.grids import MapGrid
 from ..geometry.illumination import Antenna, Mount
-from ..geometry.poses import PoseStatus, PoseTrack
+from ..geometry.poses import PoseTable
 from ..geometry.track import mean_centres
+from ..signal.positioning import PointingFinder, locate
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from .bag_io import BagError, deserialise, raw_messages, read_poses, read_truth
@@ -77,6 +79,8 @@ class Recording:
         recorded with them; None when the recording has neither.
     by_poses : bool
         Whether they come from poses.
+    poses : PoseTable or None
+        Those recorded with the pulses.
 
     Examples
     --------
@@ -103,6 +107,7 @@ class Recording:
     tx_m: tuple[np.ndarray, ...] | None
     rx_m: tuple[np.ndarray, ...] | None
     by_poses: bool = False
+    poses: PoseTable | None = None
 
     @functools.cached_property
     def phase_centre_m(self) -> np.ndarray | None:
@@ -140,6 +145,11 @@ class Recording:
             raise BagError(f'{self.path}: the datum of the recording: {error}') from error
 
     @property
+    def alignment(self) -> Alignment:
+        """How the pulses lie to the poses; nothing apart where the recording does not tell."""
+        return Alignment(**(self.truth or {}).get('alignment', {}))
+
+    @property
     def antenna(self) -> Antenna | None:
         """Pattern of the antenna, where the recording tells.
 
@@ -167,6 +177,30 @@ class Recording:
             return None if fields is None else kind.from_dict(fields)
         except ValueError as error:
             raise BagError(f'{self.path}: the {name} of the recording: {error}') from error
+
+    def blocks(self, first: int = 0, stop: int = 2**32) -> Iterator[PulseBlock]:
+        """Its pulses in the order recorded, each once, with phase centres and pointing.
+
+        Parameters
+        ----------
+        first, stop : int
+            Counters of the first pulse, and after the last one.
+
+        Raises
+        ------
+        BagError
+            The poses do not tell where all pulses were sent.
+        """
+        wanted = (self.counter >= first) & (self.counter < stop)
+        times = self.message_ns[self.message[wanted]]
+        if not times.size:
+            return
+        pulses = _each_once(raw_messages(self.path, int(times.min()), int(times.max()) + 1),
+                            first, stop)
+        try:
+            yield from placed(pulses, self.poses, self.alignment, self.mount)
+        except ValueError as error:
+            raise BagError(f'{self.path}: {error}') from error
 
     def apertures(self, pulses_per_aperture: int) -> list[Aperture]:
         """Apertures in the order of their numbers."""
@@ -218,7 +252,6 @@ def read_recording(path: Path | str) -> Recording:
     """
     truth = read_truth(path)
     poses = read_poses(path)
-    track = None if poses is None else poses.track()
     counter, stamp_ns, message, message_ns, centres = [], [], [], [], []
     first, uniform, problem = None, True, None
     for index, (time_ns, cdr) in enumerate(raw_messages(path)):
@@ -235,8 +268,12 @@ def read_recording(path: Path | str) -> Recording:
         message.append(np.full(block.n_pulses, index))
         if block.has_positions:
             centres.append((block.tx_m, block.rx_m))
-        elif track is not None and truth is not None and 'alignment' in truth:
-            centres.append(_phase_centres(block, track, Alignment(**truth['alignment'])))
+        elif poses is not None and truth is not None and 'alignment' in truth:
+            try:
+                block = locate(block, poses, Alignment(**truth['alignment']))
+            except ValueError as error:
+                raise BagError(f'{path} has pulses without poses around them: {error}') from error
+            centres.append((block.tx_m, block.rx_m))
     if first is None:
         raise BagError(f'{path}: none of {len(message_ns)} messages holds a pulse block'
                        + (f'; the last one: {problem}' if problem else ''))
@@ -246,13 +283,49 @@ def read_recording(path: Path | str) -> Recording:
         Path(path), truth, first.radar, first.n_samples, first.compressed, uniform,
         len(message_ns), len(message_ns) - len(counter), np.concatenate(counter),
         np.concatenate(stamp_ns), np.concatenate(message), np.array(message_ns, np.int64), tx_m,
-        rx_m, by_poses=known and not first.has_positions)
+        rx_m, by_poses=known and not first.has_positions, poses=poses)
 
 
-def _phase_centres(block: PulseBlock, track: PoseTrack, alignment: Alignment
-                   ) -> tuple[np.ndarray, np.ndarray]:
-    """(P, C, 3) phase centres of pulses by the poses recorded with them."""
-    poses = track.sample(block.stamp_ns + alignment.time_offset_ns, final=True)
-    if (poses.status != PoseStatus.READY).any():
-        raise BagError('the recording has pulses without poses around them')
-    return alignment.phase_centres(poses.position_m, poses.attitude, block.n_channels)
+def _each_once(messages: Iterable[tuple[int, bytes]], first: int, stop: int
+               ) -> Iterator[PulseBlock]:
+    """Blocks of the pulses with some counters; what comes again is left out."""
+    seen: set[int] = set()
+    for _, cdr in messages:
+        try:
+            block = deserialise(cdr)
+        except Exception:  # damaged bytes fail in many ways; they were counted
+            continue
+        counters = block.counter.astype(np.int64)
+        new = (counters >= first) & (counters < stop)
+        new &= [int(c) not in seen for c in counters]
+        if new.any():
+            seen.update(counters[new].tolist())
+            yield block if new.all() else block.select(new)
+
+
+def placed(blocks: Iterable[PulseBlock], poses: PoseTable | None, alignment: Alignment,
+           mount: Mount | None = None) -> Iterator[PulseBlock]:
+    """Blocks with the phase centres that poses tell, and the pointing that a mount tells.
+
+    Parameters
+    ----------
+    blocks : iterable of PulseBlock
+        In the order of their pulses. Phase centres that they have stay.
+    poses : PoseTable or None
+        Of the platform, for blocks without phase centres.
+    alignment : Alignment
+        Between the two.
+    mount : Mount, optional
+        Of the antenna.
+
+    Raises
+    ------
+    ValueError
+        A pulse has no pose, or the track has no direction, which the mount needs.
+    """
+    by_attitude = mount is not None and mount.needs_attitude
+    finder = None if mount is None or by_attitude else PointingFinder(mount)
+    for block in blocks:
+        if poses is not None and not block.has_positions:
+            block = locate(block, poses, alignment, mount if by_attitude else None)
+        yield block if finder is None else finder(block)

@@ -23,7 +23,7 @@ from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
 
-from ..recordings.bag_io import read_blocks, read_truth
+from ..recordings import open_pulses
 from .ending import run_command
 
 MOST_PIXELS = 200_000  # of the scene to balance over; coarser pixels above
@@ -104,7 +104,7 @@ def parser() -> argparse.ArgumentParser:
         prog='calibrate', description='Estimate amplitude, phase and delay of the channels of a '
         'recording, at a strong reflector or balanced over the scene of its truth.',
         epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument('bag', type=Path, help='rosbag2 folder with the topic /pulses')
+    p.add_argument('bag', type=Path, help='folder of a recording (rosbag2), or description')
     p.add_argument('--output', type=Path, required=True, metavar='FILE', help='YAML file to write')
     source = p.add_mutually_exclusive_group()
     source.add_argument('--reflector', type=float, nargs=3, metavar=('X', 'Y', 'Z'),
@@ -137,22 +137,12 @@ def run(arguments: argparse.Namespace) -> str:
         f'written: {arguments.output}'])
 
 
-def _read(bag: Path, aperture: int) -> tuple[PulseBlock, MapGrid]:
-    """Pulses of one aperture of a recording, and the grid of its truth."""
-    truth = read_truth(bag)
-    if truth is None:
-        raise CalibrationFailed(f'{bag} has no truth, so no grid and no aperture to work with')
-    length = truth['pulses_per_aperture']
-    blocks = []
-    for block in read_blocks(bag):
-        inside = block.counter // length == aperture
-        if inside.any():
-            blocks.append(block.select(inside))
-    if not blocks:
-        raise CalibrationFailed(f'{bag} has no pulse of aperture {aperture}')
-    grid = truth['grid']
-    return concatenate(blocks), MapGrid(grid['centre_m'], grid['n_x'], grid['n_y'],
-                                        grid['spacing_m'])
+def _read(path: Path, aperture: int) -> tuple[PulseBlock, MapGrid]:
+    """Pulses of one aperture of a recording, and the grid that it proposes."""
+    source = open_pulses(path, aperture=aperture)
+    if source.grid is None:
+        raise CalibrationFailed(f'{path} proposes no grid, whose pixels calibration works with')
+    return concatenate(list(source.blocks())), source.grid
 
 
 if __name__ == '__main__':

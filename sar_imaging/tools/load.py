@@ -23,9 +23,8 @@ from ..geometry.grids import MapGrid
 from ..geometry.illumination import AntennaPattern, Illumination
 from ..geometry.poses import PoseTable
 from ..recordings import DescriptionError, Loaded, load, shipped_names
+from ..recordings.arrays import truth_of
 from ..recordings.bag_io import check_target, split, with_progress, write_bag
-from ..recordings.driver_bags import read_bag_frames, read_bag_poses
-from ..recordings.truth import antenna_truth, make_truth
 from ..signal.positioning import locate
 from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
@@ -168,19 +167,6 @@ recording.
 """
 
 
-def truth_of(loaded: Loaded, alignment: Alignment | None) -> dict:
-    """Truth of the recording: scene, aperture, and the alignment to image with."""
-    scene, block = loaded.scene, loaded.block
-    return make_truth(
-        scenario=loaded.name, description=loaded.description, notes=loaded.notes,
-        scatterers=scene.scatterers, grid=scene.grid,
-        pulses_per_aperture=scene.pulses_per_aperture or int(block.counter[-1]) + 1,
-        n_pulses=block.n_pulses, n_channels=block.n_channels, cut_half_width_m=scene.cut_m,
-        radar=block.radar, compressed=block.compressed, window=scene.window,
-        alignment=alignment, frame=scene.frame, datum=scene.datum) | antenna_truth(
-            loaded.antenna, loaded.mount)
-
-
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
     p = argparse.ArgumentParser(prog='load', description=_DESCRIPTION,
@@ -218,8 +204,7 @@ def _changes(pairs: Sequence[str]) -> dict[str, object]:
 def _write(arguments: argparse.Namespace) -> str:
     if arguments.output is not None:
         check_target(arguments.output, overwrite=arguments.force)
-    loaded = load(arguments.description, arguments.data, changes=_changes(arguments.changes),
-                  read_bag=read_bag_poses, read_frames=read_bag_frames)
+    loaded = load(arguments.description, arguments.data, changes=_changes(arguments.changes))
     output = arguments.output or Path('out/bags') / _folder(loaded.name)
     check_target(output, overwrite=arguments.force)
     with naming(arguments.description, 'makes no recording', DescriptionError):

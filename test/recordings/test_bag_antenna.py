@@ -11,7 +11,7 @@ from sar_imaging.configuration.parameters import default_file, interpret, load_t
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.illumination import Antenna, Mount, Pointing
 from sar_imaging.geometry.poses import PoseTable
-from sar_imaging.recordings import open_source
+from sar_imaging.recordings import open_pulses
 from sar_imaging.recordings.bag_io import BagError, write_bag
 from sar_imaging.recordings.recording import read_recording
 from sar_imaging.recordings.truth import antenna_truth
@@ -41,8 +41,8 @@ def node_parameters(truth, **options):
 def test_pulses_with_pointing_come_back(block, tmp_path):
     block, truth = block
     write_bag(tmp_path / 'bag', [block], truth)
-    source = open_source(tmp_path / 'bag')
-    [read] = source.read(1e9)
+    source = open_pulses(tmp_path / 'bag')
+    [read] = source.blocks(1e9)
     np.testing.assert_allclose(read.pointing.boresight, block.pointing.boresight, atol=1e-12)
     np.testing.assert_array_equal(source.illumination.azimuth.amplitude,
                                   SCENARIOS['stripmap']().antenna.amplitudes().azimuth.amplitude)
@@ -65,7 +65,7 @@ def test_pulses_by_poses_get_the_pointing_of_the_mount(block, tmp_path, mount):
     told = truth | {'alignment': Alignment().as_dict()} | antenna_truth(MEASURED, mount)
     write_bag(tmp_path / 'bag', [plain], told,
               poses=PoseTable(stamp_ns, place, turns.as_quat()))
-    [read] = open_source(tmp_path / 'bag').read(1e9)
+    [read] = open_pulses(tmp_path / 'bag').blocks(1e9)
     at_s = (block.stamp_ns - block.stamp_ns[0]) * 1e-9
     centre = np.stack([0 * at_s - 400, 40 * at_s, 0 * at_s + 300], axis=1)
     turned = Rotation.from_euler('z', 0.3 * at_s[:, None])
@@ -84,5 +84,5 @@ def test_an_antenna_that_is_none_is_told(block, tmp_path):
     block, truth = block
     write_bag(tmp_path / 'bag', [block], truth | {'antenna': {'pattern': 'horn'}})
     with pytest.raises(BagError, match="the antenna of the recording: .*'horn' is unknown"):
-        open_source(tmp_path / 'bag')
+        open_pulses(tmp_path / 'bag')
     assert isinstance(block.pointing, Pointing)

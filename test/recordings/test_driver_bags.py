@@ -25,9 +25,15 @@ from benchmarks.support.driver_recordings import (
 from benchmarks.support.references import exact_image
 from sar_imaging import numpy_files
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.recordings import DescriptionError, find_description, load, read_description
+from sar_imaging.recordings import (
+    DescriptionError,
+    arrays,
+    find_description,
+    load,
+    open_pulses,
+    read_description,
+)
 from sar_imaging.recordings.bag_io import read_truth
-from sar_imaging.recordings.driver_bags import read_bag_frames
 from sar_imaging.recordings.frames import FrameConverter
 from sar_imaging.recordings.samples import KEYS
 from sar_imaging.signal.radar import Waveform
@@ -56,11 +62,6 @@ def prepare(folder, sent, ros1=False, messages=None, **changes):
     return folder / 'd.yaml'
 
 
-def loaded(path, **options):
-    from sar_imaging.recordings.driver_bags import read_bag_poses
-    return load(path, read_bag=read_bag_poses, read_frames=read_bag_frames, **options)
-
-
 def located(result):
     """Pulses with phase centres, wherever they come from."""
     from sar_imaging.signal.positioning import locate
@@ -81,9 +82,13 @@ def peak(block):
 @pytest.mark.parametrize('name', [*DRIVERS, 'xwr_raw ros1'])
 def test_the_reflector_is_where_it_belongs(tmp_path, name):
     sent = DRIVERS[name.split()[0]]()
-    result = loaded(prepare(tmp_path, sent, ros1=name.endswith('ros1')))
+    path = prepare(tmp_path, sent, ros1=name.endswith('ros1'))
+    result = load(path)
     block = located(result)
     assert result.warnings == ()
+    [opened] = open_pulses(path).blocks()
+    np.testing.assert_array_equal(opened.samples, block.samples)
+    np.testing.assert_array_equal(opened.tx_m, block.tx_m)
     # Float32 fields of messages carry seven digits.
     for field in ('carrier_hz', 'chirp_rate_hz_per_s', 'first_sample_delay_s'):
         expected = getattr(sent.radar, field)
@@ -114,7 +119,7 @@ def test_the_reflector_is_where_it_belongs(tmp_path, name):
     ('xwr', {'array': {'turn_order': [1, 0]}})])
 def test_wrong_descriptions_do_not_focus(tmp_path, name, changes):
     sent = DRIVERS[name]()
-    found, level = peak(located(loaded(prepare(tmp_path, sent, **changes))))
+    found, level = peak(located(load(prepare(tmp_path, sent, **changes))))
     whole = 8000 * sent.samples.shape[0] * sent.samples.shape[1]
     assert level < 0.6 * whole * (0.5 if sent.radar.waveform == Waveform.FMCW_REAL else 1.0)
 
@@ -122,7 +127,7 @@ def test_wrong_descriptions_do_not_focus(tmp_path, name, changes):
 def test_transmitters_may_send_in_another_order(tmp_path):
     sent = xwr()
     swapped = {'tx_m': TX_M[::-1].tolist(), 'turn_order': [1, 0]}
-    block = located(loaded(prepare(tmp_path, sent, array=swapped)))
+    block = located(load(prepare(tmp_path, sent, array=swapped)))
     order = [3, 4, 5, 0, 1, 2]
     np.testing.assert_allclose(block.tx_m, sent.centres[0][:, order], atol=2e-6)
     np.testing.assert_allclose(block.samples, sent.samples[:, order], atol=0.75)
@@ -143,7 +148,7 @@ def test_incomplete_missing_and_broken_frames_are_counted_and_named(tmp_path, ca
             '4 x 2 x 3 x 128') in err
     # Those three, and the one whose message was broken, by the period of the frames.
     assert '4 frames never came' in err
-    block = located(loaded(path))
+    block = located(load(path))
     gone = {4, 8, 19, 20, 21}
     kept = [f for f in range(FRAMES) if f not in gone]
     expected = np.concatenate([LOOPS * f + np.arange(LOOPS) for f in kept])
@@ -169,7 +174,7 @@ def test_incomplete_missing_and_broken_frames_are_counted_and_named(tmp_path, ca
     ({'radar': {'waveform': 'fmcw_real'}}, 'the messages hold complex samples; use fmcw')])
 def test_what_does_not_fit_is_told(tmp_path, changes, message):
     with pytest.raises(DescriptionError, match=message):
-        loaded(prepare(tmp_path, xwr(), **changes))
+        load(prepare(tmp_path, xwr(), **changes))
 
 
 @pytest.mark.parametrize(('name', 'changes', 'message'), [
@@ -177,14 +182,14 @@ def test_what_does_not_fit_is_told(tmp_path, changes, message):
     ('infineon', {'frames': {'period_s': 0.017}}, 'frames come every 0.0'),
     ('xwr', {'array': {'rx_m': (1e3 * RX_M).tolist()}}, 'array.rx_m are 10 m apart')])
 def test_doubtful_numbers_are_told(tmp_path, name, changes, message):
-    warnings = loaded(prepare(tmp_path, DRIVERS[name](), **changes)).warnings
+    warnings = load(prepare(tmp_path, DRIVERS[name](), **changes)).warnings
     assert any(message in text for text in warnings)
 
 
 def test_a_period_that_spoils_the_times_is_told_with_what_comes_of_it(tmp_path):
     with pytest.raises(DescriptionError, match='the pulses need poses from .*; frames come every '
                        r'0\.0[12]\d* s; expected frames\.period_s=0\.03 s'):
-        loaded(prepare(tmp_path, DRIVERS['cpsl'](), frames={'period_s': 0.03}))
+        load(prepare(tmp_path, DRIVERS['cpsl'](), frames={'period_s': 0.03}))
 
 
 def test_a_bag_that_does_not_fit_into_memory_is_refused_before_it_is_read(tmp_path, monkeypatch):
@@ -194,17 +199,18 @@ def test_a_bag_that_does_not_fit_into_memory_is_refused_before_it_is_read(tmp_pa
     def fail(*arguments):
         raise AssertionError('read before its size was checked')
 
+    monkeypatch.setattr(arrays, 'read_bag_frames', fail)
     with pytest.raises(DescriptionError, match='radar takes .* of memory are free'):
-        load(path, read_frames=fail)
+        load(path)
 
 
 def test_numbers_that_nobody_tells_are_named(tmp_path):
     sent = xwr()
     with pytest.raises(DescriptionError, match=r'radar\.waveform is missing.* no message of the '
                        r'driver told it either \(ChirpInfo, DeviceConfig\)'):
-        loaded(prepare(tmp_path, sent, messages=sent.messages[1:]))
+        load(prepare(tmp_path, sent, messages=sent.messages[1:]))
     with pytest.raises(DescriptionError, match=r'frames\.chirp_s is missing'):
-        loaded(prepare(tmp_path / 'x', sent, messages=sent.messages[1:], radar=FMCW_KEYS | {
+        load(prepare(tmp_path / 'x', sent, messages=sent.messages[1:], radar=FMCW_KEYS | {
             'slope_hz_per_s': 40e12, 'sample_rate_hz': 5e6}) if (tmp_path / 'x').mkdir() is None
             else None)
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings, strategies as st
 
 from benchmarks.support.references import exact_image
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.recordings import DescriptionError, load
+from sar_imaging.recordings import DescriptionError, load, open_pulses
 from sar_imaging.recordings.data_files import read_log, read_variable
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
@@ -78,6 +78,11 @@ def test_the_reflector_of_a_log_is_where_it_belongs(tmp_path, short):
     np.testing.assert_array_equal(np.diff(loaded.block.stamp_ns), 40_000_000)
     block = locate(loaded.block, loaded.poses, loaded.alignment)
     np.testing.assert_allclose(block.tx_m[:, 0], track_m, atol=1e-6)
+    source = open_pulses(tmp_path / 'rail.csv')  # by the description of its name
+    [opened] = source.blocks()
+    np.testing.assert_array_equal(opened.samples, block.samples)
+    np.testing.assert_array_equal(opened.tx_m, block.tx_m)
+    assert opened.radar == block.radar == source.radar
     profiles = RangeCompressor.for_block(block)(block)
     grid = MapGrid.from_size(POINT, 0.8, 0.8, 0.02)
     image = np.abs(exact_image(grid, profiles))

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from sar_imaging.recordings import DescriptionError
+from sar_imaging.recordings import BagError, DescriptionError
 from sar_imaging.recordings.data_files import DataFiles
 from sar_imaging.recordings.description import Section
 from sar_imaging.recordings.poses import KEYS, read_poses
@@ -153,5 +153,5 @@ def test_unknown_files_are_told(tmp_path):
         read(tmp_path, '{file: a.xyz}')
     with pytest.raises(DescriptionError, match='poses.file: expected a file in'):
         read(tmp_path, '{file: b.csv}')
-    with pytest.raises(DescriptionError, match='another format than bag here'):
+    with pytest.raises(BagError, match='a.xyz cannot be read as a whole ROS 1 bag'):
         read(tmp_path, '{file: a.xyz, format: bag}')

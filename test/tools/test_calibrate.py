@@ -78,8 +78,8 @@ def test_delays_may_be_left_out(block):
 
 def test_what_cannot_be_calibrated_is_told(bag, block, tmp_path, capsys):
     output = tmp_path / 'channels.yaml'
-    for arguments, message in (([str(tmp_path), '--aperture', '0'], 'not a rosbag2 recording'),
-                               ([str(bag), '--aperture', '3'], 'no pulse of aperture 3'),
+    for arguments, message in (([str(tmp_path), '--aperture', '0'], 'without metadata.yaml'),
+                               ([str(bag), '--aperture', '3'], 'has no aperture 3'),
                                ([str(bag), '--reflector', '400', '0', '0'], 'profiles cover'),
                                ([str(bag), '--reflector', '523', '0', '0'], 'stands out')):
         assert calibrate.main([*arguments, '--output', str(output)]) == 1

@@ -7,7 +7,7 @@ import pytest
 
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.recordings import open_source
+from sar_imaging.recordings import open_pulses
 from sar_imaging.simulation.survey import Survey
 from sar_imaging.tools.command import main
 from sar_imaging.tools.simulate_archive import BROKEN, TRUTH_FILE, write_archive
@@ -32,14 +32,14 @@ def test_reflectors_shine_where_the_truth_puts_them_on_the_earth(surface, tmp_pa
     places = np.array(truth['reflectors_geographic'])
     found = 0
     for entry in truth['recordings']:
-        source = open_source(tmp_path / 'a' / entry['name'])
+        source = open_pulses(tmp_path / 'a' / entry['name'])
         grid = source.grid
         points = source.datum.from_geographic(*places.T)
         row, column = (np.rint(v).astype(int) for v in grid.to_pixels(*points.T[:2]))
         inside = (row > 3) & (row < grid.n_y - 4) & (column > 3) & (column < grid.n_x - 4)
         imager = plan_image(grid, source.radar, source.n_samples, target_db=-40.0)
         image = imager.new_image()
-        for block in source.read(1e7):
+        for block in source.blocks(1e7):
             imager.accumulate(block, image)
         power = np.abs(image.samples)
         # a reflector returns 1 from each pulse and channel, noise and clutter far less
@@ -52,7 +52,7 @@ def test_reflectors_shine_where_the_truth_puts_them_on_the_earth(surface, tmp_pa
 
 def test_frames_differ_and_passes_see_the_same_ground(archive):
     folder, truth = archive
-    sources = [open_source(folder / entry['name'], aperture=1) for entry in truth['recordings']]
+    sources = [open_pulses(folder / entry['name'], aperture=1) for entry in truth['recordings']]
     assert len({source.datum for source in sources}) == 4  # of each place, in both passes
     assert all(source.n_pulses == SMALL.pulses_per_aperture for source in sources)
     assert [entry['pass'] for entry in truth['recordings']] == [0] * 4 + [1] * 4
@@ -66,7 +66,7 @@ def test_frames_differ_and_passes_see_the_same_ground(archive):
 def test_times_and_counters_ascend(archive):
     folder, truth = archive
     entry = truth['recordings'][2]['name']
-    first, second = (open_source(folder / entry, aperture=n) for n in (0, 1))
+    first, second = (open_pulses(folder / entry, aperture=n) for n in (0, 1))
     assert first.stamp_ns[-1] < second.stamp_ns[0] and first.counter[-1] < second.counter[0]
 
 
@@ -96,10 +96,10 @@ def test_broken_recordings_are_refused_each_for_its_reason(tmp_path, file_format
     for name, state in states.items():
         if state:
             with pytest.raises((RuntimeError, ValueError, OSError)):
-                source = open_source(tmp_path / 'a' / name)
-                list(source.read(1e7))
+                source = open_pulses(tmp_path / 'a' / name)
+                list(source.blocks(1e7))
         else:
-            assert open_source(tmp_path / 'a' / name).n_pulses == survey.pulses_per_aperture
+            assert open_pulses(tmp_path / 'a' / name).n_pulses == survey.pulses_per_aperture
 
 
 @pytest.mark.parametrize(('options', 'message'), [

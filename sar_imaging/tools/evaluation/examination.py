@@ -8,12 +8,10 @@ import numpy as np
 
 from ...autofocus.report import FOCUSED, FOCUSED_ALREADY
 from ...diagnosis import Diagnosis, diagnose
-from ...geometry.alignment import Alignment
 from ...geometry.grids import MapGrid
 from ...quality.measures import FocusFigure, focus_figure
-from ...recordings.bag_io import deserialise, raw_messages, read_poses
+from ...recordings.bag_io import BagError
 from ...recordings.recording import Recording
-from ...signal.positioning import locate
 from ...signal.pulses import PulseBlock, concatenate
 
 IN_FOCUS = (FOCUSED, FOCUSED_ALREADY)  # verdicts of autofocus
@@ -47,7 +45,7 @@ def examine(recording: Recording, aperture: int, pulses_per_aperture: int, image
     try:
         diagnosis = diagnose(_pulses(recording, aperture, pulses_per_aperture), grid,
                              window=(recording.truth or {}).get('window', 'none'))
-    except (ValueError, MemoryError) as error:
+    except (ValueError, MemoryError, BagError) as error:
         diagnosis = Diagnosis(0.0, 0.0, '', f'the pulses could not be examined: {error}')
     if autofocus and autofocus['verdict'] in IN_FOCUS:
         diagnosis = dataclasses.replace(diagnosis, mistake='', advice='')
@@ -80,27 +78,16 @@ def _as_json(figure: FocusFigure, diagnosis: Diagnosis) -> dict:
 
 def _pulses(recording: Recording, aperture: int, length: int) -> PulseBlock:
     """Pulses of one aperture with positions, each once and in order."""
-    poses = read_poses(recording.path)
-    track = None if poses is None else poses.track()
     blocks, n_bytes = [], 0
-    for _, cdr in raw_messages(recording.path):
-        try:
-            block = deserialise(cdr)
-        except Exception:  # damaged bytes fail in many ways; the nodes have counted them
-            continue
-        block = block.select(block.counter.astype(np.int64) // length == aperture)
-        if not block.n_pulses or (blocks and not block.matches(blocks[0])):
+    for block in recording.blocks(aperture * length, (aperture + 1) * length):
+        if blocks and not block.matches(blocks[0]):
             continue
         n_bytes += block.samples.nbytes
         if n_bytes > _MOST_BYTES:
             break
         blocks.append(block)
     joined = concatenate(blocks)
-    _, first = np.unique(joined.counter, return_index=True)
-    joined = joined.select(first)
-    if joined.has_positions or track is None:
-        return joined
-    return locate(joined, track, Alignment(**(recording.truth or {}).get('alignment', {})))
+    return joined.select(np.argsort(joined.counter, kind='stable'))
 
 
 _COLUMNS = (('IRW (m)', 'irw', 'm', 3), ('PSLR (dB)', 'pslr', 'db', 2),

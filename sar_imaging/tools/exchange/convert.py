@@ -12,18 +12,17 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from ...files import naming
 from ...formats import read_sicd, write_geotiff
 from ...formats.cphd import Collection, CphdError, CphdReader, write_cphd
-from ...geometry.alignment import Alignment
 from ...geometry.earth import Datum
 from ...geometry.grids import MapGrid
 from ...geometry.illumination import Antenna, AntennaPattern, Illumination
 from ...recordings.bag_io import (
     BagError,
     check_target,
-    read_blocks,
-    read_poses,
     split,
     with_progress,
     write_bag,
@@ -39,7 +38,6 @@ from ...recordings.kinds import (
 )
 from ...recordings.recording import Recording, read_recording
 from ...recordings.truth import antenna_truth, make_truth
-from ...signal.positioning import PointingFinder, locate
 from ...signal.pulses import PulseBlock
 from ..ending import run_command
 
@@ -66,15 +64,17 @@ def recording_to_cphd(source: Path, target: Path, arguments: argparse.Namespace)
     with naming(source, 'cannot be converted', BagError):
         collection = Collection(**(recording.truth or {}).get('collection', {}))
         scene = _scene(arguments, recording)
-    blocks = _located(source, recording)
+    if recording.n_unreadable:
+        raise BagError(f'{source}: {recording.n_unreadable} of {recording.n_messages} messages '
+                       'hold no pulse block')
+    blocks, n_pulses = recording.blocks(), len(np.unique(recording.counter))
     first = next(blocks)
     antenna = recording.antenna and recording.antenna.amplitudes()
     warning = '' if antenna is None or first.pointing is not None else (
         '\nwarning: written without its antenna: pulses do not tell where it looked')
-    _write_cphd(source, target, with_progress(itertools.chain([first], blocks),
-                                              len(recording.counter)),
+    _write_cphd(source, target, with_progress(itertools.chain([first], blocks), n_pulses),
                 arguments, datum, scene, collection, None if warning else antenna)
-    return f'{target}: {len(recording.counter)} pulses{warning}'
+    return f'{target}: {n_pulses} pulses{warning}'
 
 
 def cphd_to_recording(source: Path, target: Path, arguments: argparse.Namespace) -> str:
@@ -167,18 +167,6 @@ def _scene(arguments: argparse.Namespace, recording: Recording) -> MapGrid:
         raise BagError(f'{recording.path} does not state what it shows; add --scene X Y Z WIDTH '
                        'HEIGHT')
     return recording.grid
-
-
-def _located(source: Path, recording: Recording) -> Iterator[PulseBlock]:
-    """Blocks of a recording, with phase centres and pointing from its poses where they lack."""
-    poses, mount = read_poses(source), recording.mount
-    by_attitude = mount is not None and mount.needs_attitude
-    finder = None if mount is None or by_attitude else PointingFinder(mount)
-    for block in read_blocks(source):
-        if not block.has_positions and poses is not None:
-            alignment = Alignment(**(recording.truth or {}).get('alignment', {}))
-            block = locate(block, poses.track(), alignment, mount if by_attitude else None)
-        yield block if finder is None else finder(block)
 
 
 #: What each pair of kinds is converted by: called with both paths and the arguments, returns what

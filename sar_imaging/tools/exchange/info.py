@@ -20,8 +20,9 @@ from ...formats.cphd import CphdReader
 from ...formats.sicd.container import SicdContainer
 from ...formats.sicd.reader import Fields
 from ...geometry.earth import Datum
-from ...recordings.kinds import CPHD, GEOTIFF, RECORDING, SICD, kind_of
-from ...recordings.recording import read_recording
+from ...geometry.grids import MapGrid
+from ...recordings import open_pulses, read_recording
+from ...recordings.kinds import CPHD, DESCRIPTION, GEOTIFF, RECORDING, SICD, kind_of
 from ...signal.radar import RadarParameters, Waveform
 from ..ending import run_command
 
@@ -61,9 +62,7 @@ def of_recording(path: Path) -> Summary:
             ('where', _datum(recording.datum) if recording.datum else 'not stated'),
             ('radar', _radar(radar, compressed=truth.get('compressed', False))),
             ('resolution', f'{_length(radar.range_resolution_m)} in range'),
-            ('scene', 'not stated' if recording.grid is None else
-             f'{recording.grid.n_x} by {recording.grid.n_y} pixels of '
-             f'{_length(recording.grid.spacing_m)} around {_point(recording.grid.centre_m)} m'),
+            ('scene', _scene(recording.grid)),
             ('channels', str(truth.get('n_channels', 'not stated'))),
             ('pulses', f'{len(recording.counter)} in {recording.n_messages} messages'),
             ('size', _bytes(sum(f.stat().st_size for f in path.iterdir() if f.is_file())))]
@@ -75,6 +74,20 @@ def of_recording(path: Path) -> Summary:
     if recording.phase_centre_m is None:
         warnings.append('it has neither phase centres nor poses: it cannot be imaged alone')
     return Summary(tuple(rows), tuple(warnings))
+
+
+def of_description(path: Path) -> Summary:
+    """What is opened by a description of arrays; reads all of it."""
+    source = open_pulses(path)
+    return Summary((
+        ('what', f'description {path.name}'),
+        ('when', _when(source.stamp_ns.min(), source.stamp_ns.max())),
+        ('where', _datum(source.datum) if source.datum else 'not stated'),
+        ('radar', _radar(source.radar, compressed=source.compressed)),
+        ('resolution', f'{_length(source.radar.range_resolution_m)} in range'),
+        ('scene', _scene(source.grid)), ('channels', str(source.n_channels)),
+        ('pulses', f'{source.n_pulses} of {source.n_samples} samples'),
+        ('size', f'{_bytes(source.n_bytes)} in memory')), source.warnings)
 
 
 def of_cphd(path: Path) -> Summary:
@@ -158,6 +171,12 @@ def of_geotiff(path: Path) -> Summary:
             ('size', _bytes(path.stat().st_size))), tuple(warnings))
 
 
+def _scene(grid: MapGrid | None) -> str:
+    return 'not stated' if grid is None else (
+        f'{grid.n_x} by {grid.n_y} pixels of {_length(grid.spacing_m)} around '
+        f'{_point(grid.centre_m)} m')
+
+
 def _joined(*texts: str | None) -> str:
     return ': '.join(text for text in texts if text)
 
@@ -207,7 +226,7 @@ def _bytes(count: int) -> str:
 
 #: What tells of a file of each kind.
 SUMMARIES: dict[str, Callable[[Path], Summary]] = {
-    RECORDING: of_recording, CPHD: of_cphd, SICD: of_sicd,
+    RECORDING: of_recording, DESCRIPTION: of_description, CPHD: of_cphd, SICD: of_sicd,
     GEOTIFF: of_geotiff}
 
 
@@ -215,7 +234,8 @@ def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
     p = argparse.ArgumentParser(
         prog='sar-imaging info',
-        description='Tell what a recording, a CPHD, SICD or GeoTIFF file holds, on one screen.')
+        description='Tell what a recording, a CPHD, SICD or GeoTIFF file, or a description of '
+        'arrays holds, on one screen.')
     p.add_argument('file', type=Path, metavar='FILE', help='file, or folder of a recording')
     return p
 

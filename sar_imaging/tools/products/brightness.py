@@ -24,7 +24,7 @@ from sar_imaging.radiometry import (
 )
 from sar_imaging.radiometry.brightness import OF_THE_GROUND
 
-from ...recordings.sources import Source, SourceError, pointing_of
+from ...recordings.pulse_source import PulseSource, SourceError, pointing_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,7 +59,7 @@ def constant_of(arguments: argparse.Namespace) -> RadarConstant | None:
         raise SourceError(str(error)) from error
 
 
-def respond(source: Source, choice: GridChoice) -> ImageResponse:
+def respond(source: PulseSource, choice: GridChoice) -> ImageResponse:
     """Response of an image of all pulses of a source, weighed by its antenna as the image is."""
     looks = pointing_of(source)
     lit = None if looks is None else Illumination.of_pulses(source.illumination, looks,
@@ -82,7 +82,8 @@ def calibrate_image(response: ImageResponse, image: Image, quantity: str,
         'incidence_deg': round(told.incidence_deg, 2)}
 
 
-def calibrate_volume(source: Source, image: Image, constant: RadarConstant) -> tuple[Image, dict]:
+def calibrate_volume(source: PulseSource, image: Image, constant: RadarConstant
+                     ) -> tuple[Image, dict]:
     """A volume as cross sections of points, and what quality.json tells of it."""
     scale = volume_scale(image.grid, source.tx_m, source.rx_m, constant,
                          pattern=source.illumination, pointing=pointing_of(source))
@@ -99,7 +100,7 @@ def _decibels(power: float) -> float | None:
     return round(10 * math.log10(power), 3) if power > 0 else None
 
 
-def write_constant(path: Path, constant: RadarConstant, source: Source, reflector_m,
+def write_constant(path: Path, constant: RadarConstant, source: PulseSource, reflector_m,
                    cross_section_m2: float) -> None:
     """Write a radar constant with where it comes from; folders are made."""
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -27,8 +27,8 @@ from ...geometry.earth import Datum
 from ...geometry.grids import MapGrid, PlaneGrid
 from ...imaging.image import Image
 from ...quality import focus_figure
-from ...recordings.kinds import SICD, kind_of
-from ...recordings.sources import Source, SourceError, open_source
+from ...recordings.kinds import CPHD, SICD, kind_of
+from ...recordings.pulse_source import PulseSource, SourceError, open_pulses
 from ...signal.magnitudes import SPEED_OF_LIGHT
 from ..ending import run_command
 from ..plots import save_image_png, save_values_png
@@ -94,10 +94,10 @@ def open_pair(first: Path, second: Path, arguments: argparse.Namespace) -> Pair:
 
 def _of_pulses(first: Path, second: Path, arguments: argparse.Namespace) -> Pair:
     datum = forming.datum_of(arguments)
-    one = open_source(first, aperture=arguments.aperture, datum=datum)
+    one = open_pulses(first, aperture=arguments.aperture, datum=datum)
     # CPHD positions are Earth-centred: they come in the frame of the first file
-    frame = one.datum if second.is_file() else None
-    other = open_source(second, aperture=arguments.aperture, datum=datum or frame)
+    frame = one.datum if second.is_file() and kind_of(second) == CPHD else None
+    other = open_pulses(second, aperture=arguments.aperture, datum=datum or frame)
     if one.datum != other.datum and None not in (one.datum, other.datum):
         raise SourceError(f'{second} stands at {other.datum}, {first} at {one.datum}; expected '
                           'recordings in one frame')
@@ -116,7 +116,8 @@ def _of_pulses(first: Path, second: Path, arguments: argparse.Namespace) -> Pair
                 one.radar.propagation_speed_m_per_s)
 
 
-def _warnings(choice: GridChoice, sources: tuple[Source, Source], images) -> tuple[str, ...]:
+def _warnings(choice: GridChoice, sources: tuple[PulseSource, PulseSource], images
+              ) -> tuple[str, ...]:
     return tuple(f'{name} pass: {text}'
                  for name, source, image in zip(('first', 'second'), sources, images, strict=True)
                  for text in (*source.warnings, *image.report.warnings))
@@ -170,7 +171,7 @@ def parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(
         prog='sar-imaging change', description='Compare two passes over one scene.',
         epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument('first', type=Path, help='recording, CPHD or SICD file')
+    p.add_argument('first', type=Path, help='recording, CPHD or SICD file, or description')
     p.add_argument('second', type=Path, help='the other pass, of the same kind')
     p.add_argument('--window', type=int, default=7, metavar='PIXELS',
                    help='averaged along both axes, odd (default: %(default)s)')

@@ -22,9 +22,9 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.poses import PoseStatus
 from sar_imaging.signal.pulses import PulseBlock, concatenate
 
-from ...recordings.bag_io import BagError, read_blocks, read_poses, read_truth
-from ...recordings.kinds import RECORDING, kind_of
-from ...recordings.sources import SourceError, open_source
+from ...recordings.bag_io import BagError, read_blocks
+from ...recordings.kinds import CPHD, RECORDING, kind_of
+from ...recordings.pulse_source import PulseSource, SourceError, open_pulses
 from ..ending import run_command
 from . import forming
 from .figures import save_signal_png
@@ -52,7 +52,7 @@ def parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(
         prog='sar-imaging doctor', description='Say what is wrong with a recording of pulses.',
         epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument('file', type=Path, help='folder of a recording (rosbag2), or CPHD file')
+    p.add_argument('file', type=Path, help='folder of a recording, CPHD file, or description')
     p.add_argument('--output', type=Path, metavar='FOLDER',
                    help='folder for picture and findings, made when missing (default: none)')
     forming.add_scene_arguments(p)
@@ -69,11 +69,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Examine the file, print and write what was found; returns the exit status."""
-    block, grid, notes = read_pulses(arguments)
-    examination = examine(block, grid, window=_window(arguments.file),
-                          attitude=_attitude(arguments.file, block))
-    findings = (*notes, *map(_of_file if arguments.file.is_file() else lambda f: f,
-                             examination.findings))
+    source, block, grid, notes = read_pulses(arguments)
+    if source is None:
+        examination = examine(block, None)
+    else:
+        examination = examine(block, grid, window=source.proposed_window,
+                              attitude=_attitude(source, block))
+    of_cphd = source is not None and source.kind == CPHD
+    findings = (*notes, *map(_of_cphd if of_cphd else lambda f: f, examination.findings))
     print(describe(block, findings, examination, grid))
     if arguments.output is not None:
         with filling(arguments.output) as folder:
@@ -91,29 +94,29 @@ def run(arguments: argparse.Namespace) -> int:
     return _FAULTY if findings else _UNTOLD if examination.untold else 0
 
 
-def read_pulses(arguments: argparse.Namespace
-                ) -> tuple[PulseBlock, MapGrid | None, tuple[Finding, ...]]:
-    """Pulses of an aperture, the scene where it is known, and what prevents an image."""
+def read_pulses(arguments: argparse.Namespace) -> tuple[
+        PulseSource | None, PulseBlock, MapGrid | None, tuple[Finding, ...]]:
+    """Source of pulses with positions, pulses, the scene, and what prevents an image."""
     try:
-        source = open_source(arguments.file, aperture=arguments.aperture)
+        source = open_pulses(arguments.file, aperture=arguments.aperture)
     except (BagError, SourceError) as error:
         if not arguments.file.exists() or kind_of(arguments.file) != RECORDING:
             raise
-        return (_joined(read_blocks(arguments.file), arguments), None,
+        return (None, _joined(read_blocks(arguments.file), arguments), None,
                 (Finding('no positions', str(error), 'record odometry with the pulses, or the '
                          'phase centres in them; without them nothing can be imaged'),))
-    block = _joined(source.read(_bytes(arguments)), arguments)
+    block = _joined(source.blocks(_bytes(arguments)), arguments)
     asked = arguments.centre is not None or arguments.size is not None
     if source.grid is not None and not asked:
-        return block, source.grid, ()
+        return source, block, source.grid, ()
     try:
-        return block, forming.choose(source, arguments).grid, ()
+        return source, block, forming.choose(source, arguments).grid, ()
     except (SourceError, ValueError) as error:
         print(f'the image is not looked at: {error}', file=sys.stderr)
-        return block, None, ()
+        return source, block, None, ()
 
 
-def _of_file(finding: Finding) -> Finding:
+def _of_cphd(finding: Finding) -> Finding:
     """The same with what can be done about pulses that a CPHD file leaves out."""
     if finding.fault not in ('lost pulses', 'incomplete pulses'):
         return finding
@@ -139,20 +142,12 @@ def _joined(blocks, arguments: argparse.Namespace) -> PulseBlock:
     return concatenate(kept)
 
 
-def _window(path: Path) -> str:
-    """Range window of the images, where a recording tells it."""
-    if path.is_dir():
-        return (read_truth(path) or {}).get('window', 'none')
-    return 'none'
-
-
-def _attitude(path: Path, block: PulseBlock) -> Rotation | None:
+def _attitude(source: PulseSource, block: PulseBlock) -> Rotation | None:
     """Attitude of the platform at each pulse, where poses are recorded around all of them."""
-    poses = read_poses(path) if path.is_dir() else None
-    if poses is None:
+    if source.poses is None:
         return None
-    offset_s = (read_truth(path) or {}).get('alignment', {}).get('time_offset_s', 0.0)
-    found = poses.track().sample(block.stamp_ns + round(1e9 * offset_s), final=True)
+    offset_ns = 0 if source.alignment is None else source.alignment.time_offset_ns
+    found = source.poses.sample(block.stamp_ns + offset_ns, final=True)
     return found.attitude if (found.status == PoseStatus.READY).all() else None
 
 

@@ -20,9 +20,7 @@ from sar_imaging.memory import available_bytes
 from sar_imaging.quality.verification import Verification, measure_error
 from sar_imaging.signal.radar import Waveform
 
-from ...recordings.bag_io import read_truth
-from ...recordings.kinds import RECORDING
-from ...recordings.sources import Source, SourceError
+from ...recordings.pulse_source import PulseSource, SourceError
 
 IMAGE_SHARE = 0.5  # of the memory, for the image and what is made of it
 _BLOCK_SHARE = 0.1  # for the samples of a block; its profiles are resampled more finely
@@ -91,7 +89,7 @@ def memory_bytes(arguments: argparse.Namespace) -> float:
     return arguments.memory * 1e9
 
 
-def choose(source: Source, arguments: argparse.Namespace,
+def choose(source: PulseSource, arguments: argparse.Namespace,
            share: float = IMAGE_SHARE) -> GridChoice:
     """Grid for a source: that of the arguments, of the file, or one chosen from its pulses.
 
@@ -133,29 +131,28 @@ def _place(place) -> str:
     return ', '.join(f'{v:.1f}' for v in place)
 
 
-def weighted(source: Source) -> Source:
-    """The source with the window that its recording wants, as the nodes take it.
+def weighted(source: PulseSource) -> PulseSource:
+    """The source with the window that its file proposes, as the nodes take it.
 
     Range profiles and CPHD files keep the weighting that they have.
 
     Parameters
     ----------
-    source : Source
+    source : PulseSource
         Opened without a window.
     """
-    if source.kind != RECORDING or source.compressed:
+    if source.compressed:
         return source
-    told = (read_truth(source.path) or {}).get('window', 'none')
-    return dataclasses.replace(source, window=told)
+    return dataclasses.replace(source, window=source.proposed_window)
 
 
-def form(source: Source, choice: GridChoice, target_db: float, n_bytes: float, *,
+def form(source: PulseSource, choice: GridChoice, target_db: float, n_bytes: float, *,
          label: str = 'imaging') -> tuple[Image, float]:
     """Image of a source on a grid, and the seconds that it took.
 
     Parameters
     ----------
-    source : Source
+    source : PulseSource
         Its pulses.
     choice : GridChoice
         Its pixels.
@@ -179,18 +176,18 @@ def form(source: Source, choice: GridChoice, target_db: float, n_bytes: float, *
                         illumination=source.illumination)
     image = imager.new_image()
     with tqdm(total=source.n_pulses, desc=label, unit='pulse', disable=whole) as bar:
-        for block in source.read(block_bytes):
+        for block in source.blocks(block_bytes):
             imager.accumulate(block, image)
             bar.update(block.n_pulses)
     return image, time.perf_counter() - start
 
 
-def verify(source: Source, image: Image, n_bytes: float) -> Verification | str:
+def verify(source: PulseSource, image: Image, n_bytes: float) -> Verification | str:
     """Error measured at some pixels, or why it cannot be measured."""
     raw = not source.compressed and source.radar.waveform == Waveform.STEPPED_FREQUENCY
     # The spectra of raw pulses have no window.
     spectra = raw and source.window == 'none'
-    blocks = (source.read if spectra else source.profiles)(_BLOCK_SHARE * n_bytes)
+    blocks = (source.blocks if spectra else source.profiles)(_BLOCK_SHARE * n_bytes)
     try:
         return measure_error(image.samples, image.grid, blocks, n_pixels=_VERIFIED_PIXELS,
                              n_brightest=_VERIFIED_PIXELS, fit_scale=raw, progress=True,

@@ -32,7 +32,7 @@ from sar_imaging.quality.verification import Verification
 from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
 
 from ...formats.report import Section, write_report
-from ...recordings.sources import Source, SourceError, lit_acquisition, open_source
+from ...recordings.pulse_source import PulseSource, SourceError, lit_acquisition, open_pulses
 from ..ending import run_command
 from ..plots import save_image_png
 from . import brightness, forming, volume
@@ -66,7 +66,7 @@ def parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(
         prog='sar-imaging image', description='Image a recording (rosbag2 folder) or a CPHD file.',
         epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument('file', type=Path, help='folder of a recording, or CPHD file')
+    p.add_argument('file', type=Path, help='folder of a recording, CPHD file, or description')
     p.add_argument('--format', type=_formats, default=('png',), metavar='NAME[,NAME]',
                    help=f'of the image: {", ".join(FORMATS)} (default: png)')
     forming.add_arguments(p)
@@ -93,7 +93,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> str:
     """Image the file and write all products; returns a summary for people."""
-    source = open_source(arguments.file, aperture=arguments.aperture,
+    source = open_pulses(arguments.file, aperture=arguments.aperture,
                          datum=forming.datum_of(arguments))
     if 'sicd' not in arguments.format:  # which describes responses without a window
         source = forming.weighted(source)
@@ -127,7 +127,7 @@ def run(arguments: argparse.Namespace) -> str:
         f'written to {arguments.output}: {names}'])
 
 
-def _check_formats(arguments: argparse.Namespace, source: Source) -> None:
+def _check_formats(arguments: argparse.Namespace, source: PulseSource) -> None:
     """Refuse before the work what cannot be written after it."""
     placed = [name for name in arguments.format if name in _NEEDS]
     if placed and source.datum is None:
@@ -141,7 +141,7 @@ def _check_formats(arguments: argparse.Namespace, source: Source) -> None:
         require(*_NEEDS[name])
 
 
-def write_products(folder: Path, formats: Sequence[str], source: Source, choice: GridChoice,
+def write_products(folder: Path, formats: Sequence[str], source: PulseSource, choice: GridChoice,
                    image: Image, calibration: Mapping[str, object]) -> list[str]:
     """Write the image in some formats, and always a picture; returns the names of the files.
 
@@ -177,7 +177,7 @@ def write_products(folder: Path, formats: Sequence[str], source: Source, choice:
     return written
 
 
-def describe(source: Source, choice: GridChoice, image: Image, seconds: float,
+def describe(source: PulseSource, choice: GridChoice, image: Image, seconds: float,
              measured: Verification | str) -> dict:
     """Contents of quality.json."""
     report, focus = image.report, focus_figure(image.samples)
@@ -212,7 +212,7 @@ def describe(source: Source, choice: GridChoice, image: Image, seconds: float,
         'scatterers': _scatterers(source, choice, image), 'warnings': warnings}
 
 
-def _scatterers(source: Source, choice: GridChoice, image: Image) -> list[dict]:
+def _scatterers(source: PulseSource, choice: GridChoice, image: Image) -> list[dict]:
     """Known scatterers on a map, measured."""
     if source.cut_half_width_m is None or not isinstance(choice.grid, MapGrid):
         return []
@@ -238,7 +238,7 @@ def _errors(quality: dict) -> str:
             + f', {quality["target_db"]:g} dB wanted')
 
 
-def _write_report(folder: Path, source: Source, choice: GridChoice, image: Image,
+def _write_report(folder: Path, source: PulseSource, choice: GridChoice, image: Image,
                   quality: dict) -> None:
     drawing = folder / 'acquisition.png'
     rows, columns = image.shape
@@ -277,7 +277,7 @@ def _measured_rows(measured: dict | None) -> dict[str, str]:
             for name, (error, number) in told.items() if measured[error] is not None}
 
 
-def radar_rows(source: Source, corners_m: np.ndarray) -> dict[str, str]:
+def radar_rows(source: PulseSource, corners_m: np.ndarray) -> dict[str, str]:
     """Radar and geometry for a table."""
     radar, track = source.radar, source.track_m
     sight = corners_m.mean(axis=0) - track.mean(axis=0)

@@ -18,7 +18,7 @@ from sar_imaging.configuration.scene_grid import GridChoice, choose_grid
 from sar_imaging.quality import measure_scatterer
 from sar_imaging.radiometry import RadarConstant, noise_power, trihedral_cross_section_m2
 
-from ...recordings.sources import Source, SourceError, open_source
+from ...recordings.pulse_source import PulseSource, SourceError, open_pulses
 from ..ending import run_command
 from . import forming
 from .brightness import respond, write_constant
@@ -42,7 +42,7 @@ def parser() -> argparse.ArgumentParser:
         prog='sar-imaging radar-constant', epilog=_EPILOG,
         description='Measure the radar constant at a reflector of known cross section.',
         formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument('file', type=Path, help='folder of a recording, or CPHD file')
+    p.add_argument('file', type=Path, help='folder of a recording, CPHD file, or description')
     p.add_argument('--reflector', type=float, nargs=3, required=True, metavar=('X', 'Y', 'Z'),
                    help='its place in the frame of the phase centres, metres')
     size = p.add_mutually_exclusive_group(required=True)
@@ -68,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> str:
     """Measure and write the constant; returns a summary for people."""
-    source = forming.weighted(open_source(arguments.file, aperture=arguments.aperture))
+    source = forming.weighted(open_pulses(arguments.file, aperture=arguments.aperture))
     wavelength = source.radar.propagation_speed_m_per_s / source.radar.carrier_hz
     size = (arguments.cross_section if arguments.trihedral is None
             else trihedral_cross_section_m2(arguments.trihedral, wavelength))
@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace) -> str:
             f'a sample of the range profiles\nwritten to {arguments.output}')
 
 
-def measure_constant(source: Source, reflector_m, cross_section_m2: float,
+def measure_constant(source: PulseSource, reflector_m, cross_section_m2: float,
                      n_bytes: float) -> RadarConstant:
     """Radar constant from a small image around a reflector.
 
@@ -108,7 +108,7 @@ def measure_constant(source: Source, reflector_m, cross_section_m2: float,
         cross_section_m2, noise_power(block.samples))
 
 
-def _around(source: Source, place, n_bytes: float) -> GridChoice:
+def _around(source: PulseSource, place, n_bytes: float) -> GridChoice:
     """Fine pixels around a place."""
     first = choose_grid(source.coverage(), np.asarray(place, float), size_m=(1.0, 1.0),
                         memory_bytes=n_bytes)

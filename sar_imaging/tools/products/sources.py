@@ -2,4 +2,4 @@
 
 from ...names import moved
 
-__getattr__ = moved(__name__, 'sar_imaging.recordings', ('open_source',))
+__getattr__ = moved(__name__, 'sar_imaging.recordings', open_source='open_pulses')

@@ -20,7 +20,7 @@ from sar_imaging.quality.verification import Verification
 from sar_imaging.radiometry import RadarConstant
 from sar_imaging.radiometry.scale import RCS
 
-from ...recordings.sources import Source, SourceError
+from ...recordings.pulse_source import PulseSource, SourceError
 from . import brightness, forming
 from .figures import save_volume_png
 
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                        help='most points of the cloud: the brightest (default: %(default)s)')
 
 
-def run(arguments: argparse.Namespace, source: Source) -> str:
+def run(arguments: argparse.Namespace, source: PulseSource) -> str:
     """Image the volume and write all products; returns a summary for people.
 
     Raises
@@ -95,7 +95,7 @@ def _constant(arguments: argparse.Namespace) -> RadarConstant | None:
     return brightness.constant_of(arguments)
 
 
-def choose(source: Source, arguments: argparse.Namespace, n_bytes: float) -> GridChoice:
+def choose(source: PulseSource, arguments: argparse.Namespace, n_bytes: float) -> GridChoice:
     """Layers above the map that an image would have.
 
     Raises
@@ -134,7 +134,7 @@ def choose(source: Source, arguments: argparse.Namespace, n_bytes: float) -> Gri
         '--height-step change it)'))
 
 
-def describe(source: Source, choice: GridChoice, image: Image, seconds: float,
+def describe(source: PulseSource, choice: GridChoice, image: Image, seconds: float,
              measured: Verification | str, cells: BrightCells, threshold_db: float) -> dict:
     """Contents of quality.json."""
     report, warnings = image.report, [*source.warnings, *image.report.warnings]

@@ -13,7 +13,7 @@ from sar_imaging.archive.recordings import find_recordings, scan_piece, scan_rec
 from sar_imaging.archive.scans import load_scan, load_scans
 from sar_imaging.archive.windows import Window
 from sar_imaging.geometry.earth import Datum
-from sar_imaging.recordings import open_source
+from sar_imaging.recordings import open_pulses
 from sar_imaging.recordings.bag_io import read_blocks, read_truth, write_bag
 from sar_imaging.simulation.survey import Survey
 from sar_imaging.tools.simulate_archive import write_archive
@@ -62,7 +62,7 @@ def test_phase_centres_are_moved_into_the_frame_of_the_map(archive, job):
     for name in ('flight-0000', 'flight-0007'):
         scan = _scan(job, name)
         for aperture in scan.apertures:
-            source = open_source(aperture.path, aperture=aperture.aperture)
+            source = open_pulses(aperture.path, aperture=aperture.aperture)
             counter, stamp_ns, tx_m, rx_m = aperture.phase_centres(job.output)
             np.testing.assert_array_equal(counter, source.counter)
             np.testing.assert_array_equal(stamp_ns, source.stamp_ns)
@@ -195,7 +195,7 @@ def test_without_any_datum_the_frame_is_local(archive, job, tmp_path):
     local = Job((str(path),), job.output, job.spacing_m)
     assert with_datum(local, find_recordings(local)) == local
     scan = scan_recording(path, 'local', local, job.output)
-    source = open_source(path, aperture=1)
+    source = open_pulses(path, aperture=1)
     np.testing.assert_array_equal(scan.apertures[1].phase_centres(job.output)[2], source.tx_m)
 
 

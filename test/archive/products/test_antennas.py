@@ -17,7 +17,7 @@ from sar_imaging.archive.workflow import compute
 from sar_imaging.geometry import Datum, MapGrid
 from sar_imaging.geometry.illumination import Antenna, Illumination, Pointing
 from sar_imaging.imaging.image import Image
-from sar_imaging.recordings import open_source
+from sar_imaging.recordings import open_pulses
 from sar_imaging.recordings.bag_io import write_bag
 from sar_imaging.recordings.truth import antenna_truth, make_truth
 from sar_imaging.tools.products import forming
@@ -62,7 +62,7 @@ def test_its_tiles_are_those_of_the_image_of_the_recording(tmp_path):
     job, scan, pieces = archive_of(path, tmp_path)
     [result] = [compute(piece, job.output) for piece in pieces if isinstance(piece, ImagePiece)]
     assert result.measured_error_db < job.target_db
-    source = open_source(path)
+    source = open_pulses(path)
     grid = scan.window.grid(SPACING_M)
     image, _ = forming.form(source, types.SimpleNamespace(grid=grid), job.target_db, 1e9)
     assert isinstance(image, Image)
@@ -123,7 +123,7 @@ def test_an_antenna_turns_with_the_frame_of_the_map(tmp_path):
     other = Datum(DATUM.latitude_deg, DATUM.longitude_deg, DATUM.height_m, 120.0)
     job, scan, _ = archive_of(path, tmp_path, other, area_m=(-100.0, -100.0, 100.0, 100.0))
     pattern, looks = scan.antenna(job.output)
-    source = open_source(path)
+    source = open_pulses(path)
     np.testing.assert_array_equal(pattern.azimuth.amplitude, source.illumination.azimuth.amplitude)
     _, _, tx_m, _ = scan.phase_centres(job.output)
     # to a nanometre in what is lit: a place on the Earth is seen under the same angle

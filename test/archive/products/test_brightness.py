@@ -20,7 +20,7 @@ from sar_imaging.formats import read_sicd
 from sar_imaging.geometry.illumination import Antenna, Illumination, Pointing
 from sar_imaging.quality.impulse_response import measure_scatterer
 from sar_imaging.radiometry import RadarConstant, brightness
-from sar_imaging.recordings import open_source
+from sar_imaging.recordings import open_pulses
 from sar_imaging.recordings.bag_io import write_bag
 from sar_imaging.recordings.truth import antenna_truth, make_truth
 from sar_imaging.tools.products.brightness import respond
@@ -175,7 +175,7 @@ def test_a_rough_surface_has_its_brightness(tmp_path):
     level = np.abs(samples_of(job, scan)) ** 2
     formed = level / scan.brightness_scale(job.output).factors() ** 2
     grid = scan.window.grid(SPACING_M)
-    response = respond(open_source(path), types.SimpleNamespace(grid=grid))
+    response = respond(open_pulses(path), types.SimpleNamespace(grid=grid))
     for quantity in ('beta0', 'sigma0', 'gamma0'):
         wanted = dataclasses.replace(job, radiometry=Brightness(quantity, GAIN),
                                      output=tmp_path / quantity)

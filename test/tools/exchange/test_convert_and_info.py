@@ -11,7 +11,7 @@ from sar_imaging.formats.cphd import CphdReader
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.illumination import Antenna, Pointing
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.recordings import bag_io, open_source, read_recording
+from sar_imaging.recordings import bag_io, open_pulses, read_recording
 from sar_imaging.recordings.truth import antenna_truth
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.tools.command import main
@@ -226,7 +226,7 @@ def test_the_antenna_of_a_recording_goes_to_cphd_and_back(tmp_path, capsys):
     assert 'warning' not in capsys.readouterr().out
     here, images = Datum(47, 8, 450, 30), []
     for path in (source, tmp_path / 'a.cphd', tmp_path / 'back'):
-        opened = open_source(path, datum=here)
+        opened = open_pulses(path, datum=here)
         [block] = opened.profiles(1e9)
         images.append(plan_image(part_of(read_recording(source).grid), block.radar,
                                  block.n_samples, method='correlation',
@@ -242,4 +242,4 @@ def test_an_antenna_whose_pulses_tell_no_pointing_is_left_out(tmp_path, capsys):
     source = lit_recording(tmp_path / 'lit', pointing=False)
     assert main(['convert', str(source), str(tmp_path / 'a.cphd'), *HERE]) == 0
     assert 'written without its antenna' in capsys.readouterr().out
-    assert open_source(tmp_path / 'a.cphd').illumination is None
+    assert open_pulses(tmp_path / 'a.cphd').illumination is None

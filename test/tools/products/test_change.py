@@ -10,7 +10,7 @@ import pathlib
 import numpy as np
 import pytest
 
-from sar_imaging.recordings import open_source
+from sar_imaging.recordings import open_pulses
 from sar_imaging.simulation.scenarios.catalogue import BASELINE_M, CAR_M, TERRACE_HEIGHT_M
 from sar_imaging.tools.command import main
 
@@ -89,9 +89,9 @@ def test_cphd_tells_the_same_as_the_recordings(recordings, compared, run, tmp_pa
 
     files = []
     for path in recordings:
-        source = open_source(path)
+        source = open_pulses(path)
         files.append(tmp_path / f'{path.name}.cphd')
-        write_cphd(files[-1], source.read(1e9), Datum(47.3, 8.5, 400.0, 0.0), source.grid)
+        write_cphd(files[-1], source.blocks(1e9), Datum(47.3, 8.5, 400.0, 0.0), source.grid)
     status, out, err = run('change', *files, '--output', tmp_path / 'out', '--spacing', 0.25)
     assert status == 0, err
     figures = json.loads((tmp_path / 'out' / 'comparison.json').read_text())
@@ -114,11 +114,11 @@ def test_a_file_in_another_frame_is_brought_into_that_of_the_first(recordings, c
 
     own, other = Datum(47.3, 8.5, 400.0, 0.0), Datum(47.3001, 8.4999, 405.0, 70.0)
     files = [tmp_path / 'a.cphd', tmp_path / 'b.cphd']
-    sources = [open_source(path) for path in recordings]
-    write_cphd(files[0], sources[0].read(1e9), own, sources[0].grid)
+    sources = [open_pulses(path) for path in recordings]
+    write_cphd(files[0], sources[0].blocks(1e9), own, sources[0].grid)
     moved = [dataclasses.replace(block, **{
         name: other.from_ecef(own.to_ecef(getattr(block, name))) for name in ('tx_m', 'rx_m')})
-        for block in sources[1].read(1e9)]
+        for block in sources[1].blocks(1e9)]
     centre = other.from_ecef(own.to_ecef([0.0, 0.0, 0.0]))
     write_cphd(files[1], moved, other, MapGrid.from_size(centre, 48.0, 48.0, 0.25))
     status, _, err = run('change', *files, '--output', tmp_path / 'out', '--spacing', 0.25)

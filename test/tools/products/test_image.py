@@ -17,7 +17,7 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality import error_db, measure_scatterer
-from sar_imaging.recordings import sources
+from sar_imaging.recordings import pulse_source
 from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
 from sar_imaging.tools.products.figures import save_acquisition_png
 
@@ -32,11 +32,11 @@ def test_a_recording_becomes_image_figures_and_report(spotlight, run, tmp_path):
     assert status == 0, err
     quality = json.loads((tmp_path / 'out' / 'quality.json').read_text())
     image = np.load(tmp_path / 'out' / 'image.npy')
-    source = sources.open_source(spotlight)
+    source = pulse_source.open_pulses(spotlight)
     assert image.shape == source.grid.shape == tuple(quality['shape'])
     assert (tmp_path / 'out' / 'image.png').read_bytes().startswith(PNG)
     # The direct way from the pulses, without files and blocks between.
-    [block] = source.read(1e12)
+    [block] = source.blocks(1e12)
     direct = plan_image(source.grid, source.radar, source.n_samples, compressed=False,
                         method='exact', target_db=-80.0)(block)
     assert error_db(image, direct.samples) < -60.0
@@ -108,8 +108,8 @@ def test_little_memory_gives_the_same_image_in_blocks(spotlight, run, tmp_path):
     whole, blocks = (np.load(tmp_path / name / 'image.npy') for name in ('whole', 'blocks'))
     # both within the target of -60 dB; their difference is at most twice as large
     assert error_db(blocks, whole) < -54.0
-    source = sources.open_source(spotlight)
-    sizes = [block.samples.nbytes for block in source.read(0.1 * 0.012e9)]
+    source = pulse_source.open_pulses(spotlight)
+    sizes = [block.samples.nbytes for block in source.blocks(0.1 * 0.012e9)]
     assert len(sizes) > 1 and max(sizes) <= 0.1 * 0.012e9
 
 
@@ -120,7 +120,7 @@ def test_cphd_shows_the_same_scene_as_the_recording(spotlight, cphd, run, tmp_pa
     assert quality['format'] == 'CPHD' and quality['measured_error']['error_db'] < -60.0
     assert 'the area that the file names' in err
     # The brightest place lies where the recording's brightest scatterer stands on the Earth.
-    source = sources.open_source(spotlight)
+    source = pulse_source.open_pulses(spotlight)
     image, grid = np.load(tmp_path / 'image.npy'), MapGrid(*(
         quality['grid'][name] for name in ('centre_m', 'n_x', 'n_y', 'spacing_m')))
     row, column = np.unravel_index(np.abs(image).argmax(), image.shape)
@@ -167,11 +167,11 @@ def test_names_and_marking_go_from_cphd_to_sicd(spotlight, run, tmp_path):
 
     from sar_imaging.formats.cphd import Collection, write_cphd
 
-    source = sources.open_source(spotlight)
+    source = pulse_source.open_pulses(spotlight)
     file = tmp_path / 'named.cphd'
     named = Collection(collector_name='Drone 7', core_name='Field 3', classification='RESTRICTED',
                        polarisations=(('V', 'H'),) * source.n_channels)
-    write_cphd(file, source.read(1e9), DATUM, source.grid, collection=named)
+    write_cphd(file, source.blocks(1e9), DATUM, source.grid, collection=named)
     status, _, err = run('image', file, '--output', tmp_path, '--format', 'sicd', '--size', 10)
     assert status == 0, err
     with open(tmp_path / 'image.nitf', 'rb') as file, sarkit.sicd.NitfReader(file) as reader:
@@ -261,7 +261,8 @@ def test_a_recording_without_truth_needs_its_middle_and_no_more(bare, run, tmp_p
     quality = json.loads((tmp_path / 'quality.json').read_text())
     assert quality['measured_error']['error_db'] < -50.0
     assert quality['measured_error']['covered_share'] > 0.99
-    assert quality['pulses'] == 2 * sources.open_source(BAGS / 'spotlight').n_pulses  # all of it
+    # all of it
+    assert quality['pulses'] == 2 * pulse_source.open_pulses(BAGS / 'spotlight').n_pulses
 
 
 def test_other_files_are_refused_by_name(run, tmp_path):

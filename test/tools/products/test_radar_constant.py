@@ -11,7 +11,7 @@ import yaml
 
 from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.illumination import AntennaPattern, PatternCut, Pointing
-from sar_imaging.recordings import open_source
+from sar_imaging.recordings import open_pulses
 from sar_imaging.tools.products.brightness import respond
 
 PSF = pathlib.Path(__file__).parents[3] / 'bags' / 'psf'  # amplitude 1, 10 km away
@@ -56,14 +56,14 @@ def test_what_cannot_be_is_refused(run, arguments, message, tmp_path, monkeypatc
 def test_the_antenna_of_a_recording_is_in_the_response():
     """Images of such recordings are weighed by the antenna: amplitudes come in twice."""
     pattern = AntennaPattern(PatternCut.gaussian(0.002))
-    source = open_source(PSF)
+    source = open_pulses(PSF)
 
-    def read(n_bytes):
-        for block in source.read(n_bytes / 1e5):
+    def blocks(n_bytes=1e8):
+        for block in source.blocks(n_bytes / 1e5):
             yield dataclasses.replace(block, pointing=Pointing.steered(
                 block.phase_centre_m, (10_000.0, 0.0, 0.0)))
 
-    lit = dataclasses.replace(source, illumination=pattern, read=read)
+    lit = dataclasses.replace(source, illumination=pattern, blocks=blocks)
     grid = MapGrid((10_000.0, 0.0, 0.0), 5, 41, 0.5)
     response = respond(lit, types.SimpleNamespace(grid=grid))
     row = 8  # 6 m off the middle, 0.6 mrad off boresight

@@ -9,7 +9,7 @@ import pytest
 
 from sar_imaging.geometry import VolumeGrid
 from sar_imaging.imaging.correlation import correlate_profiles
-from sar_imaging.recordings import open_source
+from sar_imaging.recordings import open_pulses
 from sar_imaging.simulation.scenarios import SCENARIOS
 
 VERTEX = [('x', '<f8'), ('y', '<f8'), ('z', '<f8'), ('intensity', '<f4')]
@@ -49,7 +49,7 @@ def test_a_raster_scan_becomes_a_cloud_and_a_picture(raster, run, tmp_path):
     grid = VolumeGrid(**{k: v for k, v in quality['grid'].items() if k != 'type'})
     assert image.shape == grid.shape == tuple(quality['shape']) == (31, 41, 41)
     index = [np.random.default_rng(1).integers(0, n, 60) for n in image.shape]
-    [profiles] = open_source(raster).profiles(1e9)
+    [profiles] = open_pulses(raster).profiles(1e9)
     reference, inside = correlate_profiles(profiles, grid.positions(*index))
     assert inside.all()
     error = np.sum(np.abs(image[tuple(index)] - reference) ** 2) / np.mean(np.abs(image) ** 2) / 60
@@ -68,7 +68,7 @@ def test_things_have_their_cross_sections(raster, run, tmp_path):
     assert b'intensity: radar cross section, dB relative to 1 m^2' in head
     cloud = np.frombuffer(body, VERTEX)
     points = np.stack([cloud[axis] for axis in 'xyz'], axis=-1)
-    source = open_source(raster)
+    source = open_pulses(raster)
     for thing in SCENARIOS['raster_scan']().scatterers:
         distance = np.linalg.norm(source.tx_m[:, 0] - thing.position_m, axis=-1)
         expected = 20 * np.log10(abs(thing.amplitude) / gain / (distance**-2.0).mean())

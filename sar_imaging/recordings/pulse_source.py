@@ -1,9 +1,13 @@
-"""Files of pulses, whatever their format: what they tell, and their pulses in bounded memory."""
+"""The door to recorded pulses: `open_pulses` opens a file of any format.
+
+What comes out tells radar, poses, frame, datum and scene alike, and gives the pulses in blocks of
+bounded memory.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -17,31 +21,46 @@ from ..geometry.alignment import Alignment
 from ..geometry.earth import Datum
 from ..geometry.grids import MapGrid
 from ..geometry.illumination import AntennaPattern, Pointing
-from ..signal.positioning import PointingFinder, locate, without_range_bias
+from ..geometry.poses import PoseTable
+from ..signal.positioning import without_range_bias
 from ..signal.pulses import PulseBlock, concatenate
 from ..signal.radar import RadarParameters
 from ..signal.range_compression import RangeCompressor
-from .bag_io import BagError, deserialise, raw_messages, read_poses
-from .kinds import CPHD, RECORDING, kind_of
-from .recording import Recording, read_recording
+from .arrays import load, truth_of
+from .bag_io import BagError
+from .description import shipped_names
+from .kinds import CPHD, DESCRIPTION, RECORDING, UnknownKindError, kind_of
+from .recording import Recording, placed, read_recording
 
+_BLOCK_BYTES = 1e8  # of samples in one block
+_PIECE_BYTES = 1e6  # of those in memory, from which blocks are made
 _CPHD_WORK = 4  # times the samples that may be taken while they are converted
 
 
 class SourceError(RuntimeError):
-    """A file cannot be imaged; the text says why and what to do."""
+    """A file cannot be imaged; the text says why and what to do.
+
+    Examples
+    --------
+    >>> from sar_imaging.recordings import SourceError, open_pulses
+    >>> try:
+    ...     open_pulses('bags/spotlight', aperture=7)
+    ... except SourceError as error:
+    ...     print(error)
+    bags/spotlight has no aperture 7; it has 0, 1
+    """
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Source:
-    """A file of pulses.
+class PulseSource:
+    """A file of pulses: what it tells, and its samples in blocks; made by `open_pulses`.
 
     Attributes
     ----------
     path : Path
         The file, or the folder of a recording.
     kind : str
-        ``'recording'`` or ``'CPHD'``.
+        ``'recording'``, ``'CPHD'`` or ``'description'``.
     radar : RadarParameters
         Of its samples.
     n_samples : int
@@ -54,17 +73,19 @@ class Source:
         Their times, nanoseconds.
     tx_m, rx_m : (P, C, 3) float64
         Their phase centres, metres.
+    blocks : callable
+        Gives the blocks anew, in the order recorded; takes the bytes that the samples of one may
+        take, 100 MB by default.
+    frame : str
+        Name of the frame of the phase centres.
     datum : Datum or None
-        Where the frame of the phase centres stands.
+        Where that stands on the Earth.
     area_m : (N, 3) float64 or None
         Corners of the scene that the file names, metres.
     grid : MapGrid or None
         That the file proposes.
     scatterers : tuple of dict
         Known ones, each with ``name`` and ``position_m``.
-    read : callable
-        Gives the blocks anew, in the order recorded, for a number of bytes that the samples of
-        one may take.
     warnings : tuple of str
         What a person should know.
     cut_half_width_m : (2,) floats or None
@@ -77,8 +98,22 @@ class Source:
         Of a recording: when the message of each pulse was recorded, nanoseconds.
     illumination : AntennaPattern or None
         Pattern of the antenna, where the file tells; its pulses then have their pointing.
+    poses : PoseTable or None
+        Of the platform, where the file has them beside its pulses.
+    alignment : Alignment or None
+        Between pulses and poses.
+    proposed_window : str
+        Spectral weighting that the file proposes.
     window : str
-        Spectral weighting of its range profiles and images; see `forming.weighted`.
+        Spectral weighting of the range profiles and images that are made of it.
+
+    Examples
+    --------
+    >>> from sar_imaging.recordings import open_pulses
+    >>> source = open_pulses('bags/spotlight')
+    >>> for block in source.blocks():
+    ...     print(block.samples.shape, block.has_positions)
+    (128, 5, 384) True
     """
 
     path: Path
@@ -90,17 +125,21 @@ class Source:
     stamp_ns: np.ndarray
     tx_m: np.ndarray
     rx_m: np.ndarray
-    datum: Datum | None
-    area_m: np.ndarray | None
-    grid: MapGrid | None
-    scatterers: tuple[dict, ...]
-    read: Callable[[float], Iterator[PulseBlock]]
+    blocks: Callable[..., Iterator[PulseBlock]]
+    frame: str = 'map'
+    datum: Datum | None = None
+    area_m: np.ndarray | None = None
+    grid: MapGrid | None = None
+    scatterers: tuple[dict, ...] = ()
     warnings: tuple[str, ...] = ()
     cut_half_width_m: tuple[float, float] | None = None
     collection: Collection = Collection()
     aperture: int | None = None
     message_ns: np.ndarray | None = None
     illumination: AntennaPattern | None = None
+    poses: PoseTable | None = None
+    alignment: Alignment | None = None
+    proposed_window: str = 'none'
     window: str = 'none'
 
     @property
@@ -154,134 +193,185 @@ class Source:
                     else (compressor.output_radar, compressor.n_output))
         return Coverage(radar, n, self.tx_m, self.rx_m)
 
-    def profiles(self, n_bytes: float) -> Iterator[PulseBlock]:
+    def profiles(self, n_bytes: float = _BLOCK_BYTES) -> Iterator[PulseBlock]:
         """Its pulses as range profiles, in blocks of some bytes of samples."""
         compressor = self.compressor()
-        for block in self.read(n_bytes):
+        for block in self.blocks(n_bytes):
             yield block if compressor is None else compressor(block)
 
 
-def open_source(path: Path | str, *, aperture: int | None = None,
-                datum: Datum | None = None) -> Source:
-    """Open a recording or a CPHD file.
+def open_pulses(path: Path | str, data: Path | str | None = None, *, aperture: int | None = None,
+                datum: Datum | None = None, changes: Mapping[str, object] | None = None
+                ) -> PulseSource:
+    """Open pulses: a bag, a CPHD file, or arrays, logs and drivers' messages by a description.
 
     Parameters
     ----------
     path : path
-        Folder of a recording (rosbag2), or file.
+        Folder of a recording (rosbag2), CPHD file, or description in YAML, which may be the name
+        of a shipped one. Arrays and logs are opened by the description of their name beside them:
+        ``flight.csv`` by ``flight.yaml``.
+    data : path, optional
+        Of a description: folder with the files that it names, or the file of the samples; by
+        default they lie beside it.
     aperture : int, optional
-        Of a recording: number of the aperture, the last complete one by default.
+        Number of the aperture, the last complete one by default.
     datum : Datum, optional
         Where the frame stands instead of where the file says.
+    changes : mapping, optional
+        Of a description: values in place of those of the file, see `load`.
 
     Returns
     -------
-    Source
+    PulseSource
 
     Raises
     ------
     SourceError
         There is no such file, it has another format, or it lacks what imaging needs.
-    BagError, CphdError, MissingExtraError, UnknownKindError
+    BagError, CphdError, DescriptionError, MissingExtraError, UnknownKindError
         It cannot be read.
 
     Examples
     --------
-    >>> from sar_imaging.recordings import open_source
-    >>> source = open_source('bags/spotlight')
-    >>> source.kind, source.n_pulses, source.compressed
-    ('recording', 128, False)
-    >>> [profiles] = source.profiles(n_bytes=1e9)  # compressed where they are not
+    >>> from sar_imaging.recordings import open_pulses
+    >>> source = open_pulses('bags/spotlight')
+    >>> source.kind, source.n_pulses, source.compressed, source.frame, source.poses
+    ('recording', 128, False, 'map', None)
+    >>> [profiles] = source.profiles()  # compressed where they are not
     >>> profiles.compressed
     True
     """
-    path = Path(path)
-    if _kind(path) == RECORDING:
-        with naming(path, 'cannot be used', SourceError):
-            return _recording(path, aperture, datum)
-    if aperture is not None:
-        raise SourceError(f'{path}: --aperture is for recordings; a CPHD file has one')
-    return _cphd(path, datum)
+    path, data, kind = _found(path, data)
+    if kind == CPHD:
+        if aperture is not None:
+            raise SourceError(f'{path}: --aperture is for recordings; a CPHD file has one')
+        return _cphd(path, datum)
+    with naming(path, 'cannot be used', SourceError):
+        recording, blocks = _opened(path, data, kind, changes)
+        warnings: list[str] = []
+        wanted = _aperture(recording, (recording.truth or {}).get('pulses_per_aperture'), aperture,
+                           warnings)
+        return _source(kind, recording, blocks, wanted, datum, warnings)
 
 
-def open_apertures(path: Path | str, *, datum: Datum | None = None) -> list[Source]:
+def open_apertures(path: Path | str, *, datum: Datum | None = None) -> list[PulseSource]:
     """Open all apertures of a recording, which is read once; a CPHD file has one.
 
     Parameters
     ----------
     path, datum :
-        As of `open_source`.
+        As of `open_pulses`.
 
     Returns
     -------
-    list of Source
+    list of PulseSource
         In the order of their numbers; incomplete ones, too.
 
     Raises
     ------
-    SourceError, BagError, CphdError, MissingExtraError, UnknownKindError
-        As `open_source`.
+    SourceError, BagError, CphdError, DescriptionError, MissingExtraError, UnknownKindError
+        As `open_pulses`.
+
+    Examples
+    --------
+    >>> from sar_imaging.recordings import open_apertures
+    >>> [source.aperture for source in open_apertures('bags/spotlight')]
+    [0, 1]
     """
-    path = Path(path)
-    if _kind(path) == CPHD:
+    path, data, kind = _found(path, None)
+    if kind == CPHD:
         return [_cphd(path, datum)]
     with naming(path, 'cannot be used', SourceError):
-        return _apertures(path, datum)
+        recording, blocks = _opened(path, data, kind)
+        length = (recording.truth or {}).get('pulses_per_aperture')
+        if length is None:
+            return [_source(kind, recording, blocks, (0, 2**32), datum)]
+        return [_source(kind, recording, blocks, (a.number * length, (a.number + 1) * length),
+                        datum, number=a.number) for a in recording.apertures(length)]
 
 
-def _apertures(path: Path, datum: Datum | None) -> list[Source]:
-    recording = _located_recording(path)
-    length = (recording.truth or {}).get('pulses_per_aperture')
-    if length is None:
-        return [_of_recording(recording, (0, 2**32), datum)]
-    return [_of_recording(recording, (a.number * length, (a.number + 1) * length), datum,
-                          number=a.number) for a in recording.apertures(length)]
-
-
-def _kind(path: Path) -> str:
-    """Kind of a file of pulses."""
+def _found(path: Path | str, data: Path | str | None) -> tuple[Path, Path | None, str]:
+    """Path of a file of pulses or of a description, that of its data, and its kind."""
+    path, data = Path(path), None if data is None else Path(data)
     if not path.exists():
-        raise SourceError(f'{path} does not exist; expected the folder of a recording or a CPHD '
-                          'file')
-    kind = kind_of(path)
-    if kind not in (RECORDING, CPHD):
-        raise SourceError(f'{path} is {kind}, an image; expected pulses: a recording or CPHD')
-    return kind
+        if str(path) in shipped_names():
+            return path, data, DESCRIPTION
+        raise SourceError(f'{path} does not exist; expected the folder of a recording, a CPHD '
+                          'file, or a description in YAML')
+    described = path.with_suffix('.yaml')
+    try:
+        kind = kind_of(path)
+    except UnknownKindError as error:
+        if path.is_dir():
+            raise
+        if not described.is_file():
+            raise UnknownKindError(
+                f'{error}; arrays and logs need a description, {described.name} beside them: '
+                'docs/loading.md') from error
+        return described, path, DESCRIPTION
+    if kind not in (RECORDING, CPHD, DESCRIPTION):
+        raise SourceError(f'{path} is {kind}, an image; expected pulses: a recording, CPHD or a '
+                          'description of arrays')
+    if data is not None and kind != DESCRIPTION:
+        raise SourceError(f'{path} is {kind}, which holds its data itself; expected a description '
+                          f'in YAML for {data}')
+    return path, data, kind
 
 
-def _cphd(path: Path, datum: Datum | None) -> Source:
+def _cphd(path: Path, datum: Datum | None) -> PulseSource:
     with CphdReader(path, datum=datum) as reader:
         counter = np.arange(reader.n_pulses)  # what lacks is among the warnings
 
-        def read(n_bytes: float) -> Iterator[PulseBlock]:
+        def blocks(n_bytes: float = _BLOCK_BYTES) -> Iterator[PulseBlock]:
             with CphdReader(path, datum=reader.datum) as again:
                 yield from again.blocks(memory_bytes=max(1, int(_CPHD_WORK * n_bytes)))
 
-        return Source(path, CPHD, reader.radar, reader.n_samples, reader.compressed, counter,
-                      reader.stamp_ns, reader.tx_m, reader.rx_m, reader.datum, reader.area_m,
-                      None, (), read, tuple(reader.warnings), None, reader.collection,
-                      illumination=reader.illumination)
+        return PulseSource(
+            path, CPHD, reader.radar, reader.n_samples, reader.compressed, counter,
+            reader.stamp_ns, reader.tx_m, reader.rx_m, blocks, datum=reader.datum,
+            area_m=reader.area_m, warnings=tuple(reader.warnings), collection=reader.collection,
+            illumination=reader.illumination)
 
 
-def _recording(path: Path, aperture: int | None, datum: Datum | None) -> Source:
-    recording = _located_recording(path)
-    warnings = []
-    wanted = _aperture(recording, (recording.truth or {}).get('pulses_per_aperture'), aperture,
-                       warnings)
-    return _of_recording(recording, wanted, datum, warnings)
-
-
-def _located_recording(path: Path) -> Recording:
+def _opened(path: Path, data: Path | None, kind: str, changes: Mapping[str, object] | None = None
+            ) -> tuple[Recording, Callable[[int, int], Iterable[PulseBlock]]]:
+    """Index of a recording, and what gives its pulses with counters from one to another."""
+    if kind == DESCRIPTION:
+        return _described(path, data, changes)
     recording = read_recording(path)
     if recording.phase_centre_m is None:
         raise SourceError(f'{path}: its pulses have no phase centres, and no poses tell them')
     if not recording.uniform:
         raise BagError(f'{path} has pulses of different radars or lengths; record them apart')
-    return recording
+    return recording, recording.blocks
 
 
-def _of_recording(recording: Recording, wanted: tuple[int, int], datum: Datum | None,
-                  warnings: Iterable[str] = (), number: int | None = None) -> Source:
+def _described(path: Path, data: Path | None, changes: Mapping[str, object] | None
+               ) -> tuple[Recording, Callable[[int, int], Iterable[PulseBlock]]]:
+    """What a description says, as a recording of it would tell it; its pulses stay in memory."""
+    loaded = load(path, data, changes=changes)
+    [block] = placed([loaded.block], loaded.poses, loaded.alignment, loaded.mount)
+    counter = block.counter.astype(np.int64)
+    recording = Recording(
+        path, truth_of(loaded, loaded.alignment), loaded.block.radar, block.n_samples,
+        block.compressed, True, 0, 0, counter, block.stamp_ns, np.zeros_like(counter),
+        np.zeros(1, np.int64), (block.tx_m,), (block.rx_m,),
+        by_poses=not loaded.block.has_positions, poses=loaded.poses)
+
+    def blocks(first: int, stop: int) -> Iterator[PulseBlock]:
+        pulses = block.select((counter >= first) & (counter < stop))
+        step = max(1, int(_PIECE_BYTES * pulses.n_pulses / max(pulses.samples.nbytes, 1)))
+        for begin in range(0, pulses.n_pulses, step):
+            yield pulses.select(slice(begin, begin + step))
+
+    return recording, blocks
+
+
+def _source(kind: str, recording: Recording,
+            pulses: Callable[[int, int], Iterable[PulseBlock]], wanted: tuple[int, int],
+            datum: Datum | None, warnings: Iterable[str] = (), number: int | None = None
+            ) -> PulseSource:
     """Source of the pulses with some counters: the first, and the one after the last."""
     path, truth, warnings = recording.path, recording.truth or {}, list(warnings)
     if recording.n_unreadable:
@@ -290,21 +380,24 @@ def _of_recording(recording: Recording, wanted: tuple[int, int], datum: Datum | 
     inside = (recording.counter >= wanted[0]) & (recording.counter < wanted[1])
     counter, index = np.unique(recording.counter[inside], return_index=True)
     index = np.flatnonzero(inside)[index]  # where each pulse came first
-    message_ns = recording.message_ns[recording.message[index]]
-    times = int(message_ns.min()), int(message_ns.max()) + 1
 
-    def read(n_bytes: float) -> Iterator[PulseBlock]:
-        return _chunks(_located(recording, wanted, times), n_bytes)
+    def blocks(n_bytes: float = _BLOCK_BYTES) -> Iterator[PulseBlock]:
+        return _chunks(pulses(*wanted), n_bytes)
 
     tx_m, rx_m = (centres[index] for centres in recording.centres_m)
     grid = recording.grid
-    area = None if grid is None else _corners(grid)
-    return Source(path, RECORDING, _geometric(recording), recording.n_samples,
-                  recording.compressed, counter, recording.stamp_ns[index], tx_m, rx_m,
-                  datum or recording.datum, area, grid, tuple(truth.get('scatterers', ())), read,
-                  tuple(warnings), _half_widths(truth),
-                  Collection(**truth.get('collection', {})), number, message_ns,
-                  recording.antenna and recording.antenna.amplitudes())
+    return PulseSource(
+        path, kind, _geometric(recording), recording.n_samples, recording.compressed, counter,
+        recording.stamp_ns[index], tx_m, rx_m, blocks, frame=truth.get('frame', 'map'),
+        datum=datum or recording.datum, area_m=None if grid is None else _corners(grid), grid=grid,
+        scatterers=tuple(truth.get('scatterers', ())), warnings=tuple(warnings),
+        cut_half_width_m=_half_widths(truth),
+        collection=Collection(**truth.get('collection', {})), aperture=number,
+        message_ns=(recording.message_ns[recording.message[index]] if kind == RECORDING
+                    else None),
+        illumination=recording.antenna and recording.antenna.amplitudes(), poses=recording.poses,
+        alignment=recording.alignment if recording.by_poses else None,
+        proposed_window=truth.get('window', 'none'))
 
 
 def _corners(grid: MapGrid) -> np.ndarray:
@@ -317,7 +410,7 @@ def _geometric(recording: Recording) -> RadarParameters:
     """Radar of the pulses with phase centres: by poses, they are without the range bias."""
     if not recording.by_poses:
         return recording.radar
-    return without_range_bias(recording.radar, Alignment(**recording.truth['alignment']))
+    return without_range_bias(recording.radar, recording.alignment)
 
 
 def _half_widths(truth: dict) -> tuple[float, float] | None:
@@ -347,36 +440,6 @@ def _aperture(recording: Recording, length: int | None, number: int | None,
     return number * length, (number + 1) * length
 
 
-def _located(recording: Recording, wanted: tuple[int, int], times: tuple[int, int]
-             ) -> Iterator[PulseBlock]:
-    """Blocks of some pulses with phase centres, each pulse once."""
-    poses = read_poses(recording.path)
-    track = None if poses is None else poses.track()
-    alignment = Alignment(**(recording.truth or {}).get('alignment', {}))
-    mount = recording.mount
-    by_attitude = mount is not None and mount.needs_attitude
-    finder = None if mount is None or by_attitude else PointingFinder(mount)
-    seen: set[int] = set()
-    for _, cdr in raw_messages(recording.path, *times):
-        try:
-            block = deserialise(cdr)
-        except Exception:  # damaged bytes fail in many ways; they were counted
-            continue
-        counters = block.counter.astype(np.int64)
-        new = (counters >= wanted[0]) & (counters < wanted[1])
-        new &= [int(c) not in seen for c in counters]
-        if not new.any():
-            continue
-        seen.update(counters[new].tolist())
-        block = block if new.all() else block.select(new)
-        if not block.has_positions:
-            try:
-                block = locate(block, track, alignment, mount if by_attitude else None)
-            except ValueError as error:
-                raise BagError(f'{recording.path}: {error}') from error
-        yield block if finder is None else finder(block)
-
-
 def _chunks(blocks: Iterator[PulseBlock], n_bytes: float) -> Iterator[PulseBlock]:
     """Neighbouring blocks joined up to a number of bytes."""
     waiting: list[PulseBlock] = []
@@ -390,10 +453,7 @@ def _chunks(blocks: Iterator[PulseBlock], n_bytes: float) -> Iterator[PulseBlock
         yield concatenate(waiting)
 
 
-_BLOCK_BYTES = 1e8  # of samples that are read for their pointing
-
-
-def lit_acquisition(source: Source, looks: Pointing | None = None) -> Acquisition:
+def lit_acquisition(source: PulseSource, looks: Pointing | None = None) -> Acquisition:
     """Acquisition of a source, with its antenna where the file tells one.
 
     `looks` is what `pointing_of` said, where that was asked before.
@@ -402,12 +462,12 @@ def lit_acquisition(source: Source, looks: Pointing | None = None) -> Acquisitio
                                pointing=_by_time(source, looks or pointing_of(source)))
 
 
-def _by_time(source: Source, looks: Pointing | None) -> Pointing | None:
+def _by_time(source: PulseSource, looks: Pointing | None) -> Pointing | None:
     """Pointing in the order of an acquisition."""
     return None if looks is None else looks.select(np.argsort(source.stamp_ns, kind='stable'))
 
 
-def pointing_of(source: Source) -> Pointing | None:
+def pointing_of(source: PulseSource) -> Pointing | None:
     """Pointing of the pulses of a source, in the order of their counters.
 
     None where the file tells no antenna. Its samples are read through once.
@@ -420,7 +480,7 @@ def pointing_of(source: Source) -> Pointing | None:
     if source.illumination is None:
         return None
     counters, parts = [], []
-    for block in source.read(_BLOCK_BYTES):
+    for block in source.blocks():
         if block.pointing is None:
             raise SourceError(f'{source.path} tells its antenna, and pulses do not tell where '
                               'it looked; add their pointing, or the mount of the antenna, or '

@@ -7,9 +7,9 @@ import pytest
 
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.poses import PoseTable
-from sar_imaging.recordings import recording, sources
+from sar_imaging.recordings import recording
 from sar_imaging.recordings.bag_io import raw_messages, read_blocks, read_truth, write_bag
-from sar_imaging.recordings.sources import open_apertures, open_source
+from sar_imaging.recordings.pulse_source import open_apertures, open_pulses
 from sar_imaging.signal.pulses import concatenate
 
 
@@ -19,7 +19,7 @@ def _same(one, other):
         assert getattr(one, name) == getattr(other, name), name
     for name in ('counter', 'stamp_ns', 'tx_m', 'rx_m', 'area_m', 'message_ns'):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), name)
-    pulses = [concatenate(list(source.read(np.inf))) for source in (one, other)]
+    pulses = [concatenate(list(source.blocks(np.inf))) for source in (one, other)]
     np.testing.assert_array_equal(pulses[0].samples, pulses[1].samples)
     np.testing.assert_array_equal(pulses[0].counter, one.counter)
     np.testing.assert_array_equal(pulses[0].tx_m, one.tx_m)
@@ -30,7 +30,7 @@ def test_all_apertures_are_those_opened_one_by_one(spotlight_bag):
     found = open_apertures(spotlight_bag)
     assert [source.aperture for source in found] == [0, 1]
     for source in found:
-        _same(source, open_source(spotlight_bag, aperture=source.aperture))
+        _same(source, open_pulses(spotlight_bag, aperture=source.aperture))
 
 
 def test_a_recording_is_read_once_for_all_of_them(spotlight_bag, monkeypatch):
@@ -41,18 +41,17 @@ def test_a_recording_is_read_once_for_all_of_them(spotlight_bag, monkeypatch):
         return raw_messages(*arguments)
 
     monkeypatch.setattr(recording, 'raw_messages', counted)
-    monkeypatch.setattr(sources, 'raw_messages', counted)
     found = open_apertures(spotlight_bag)
     assert len(read) == 1
     n_all = sum(1 for _ in raw_messages(spotlight_bag))
     for source in found:
-        [_ for _ in source.read(1e6)]
+        [_ for _ in source.blocks(1e6)]
         assert len(list(raw_messages(*read[-1]))) <= n_all // 2 + 1  # those of the aperture alone
 
 
 def test_cphd_has_one_aperture(spotlight_cphd):
     [found] = open_apertures(spotlight_cphd)
-    other = open_source(spotlight_cphd)
+    other = open_pulses(spotlight_cphd)
     assert found.aperture is None and found.n_pulses == other.n_pulses
 
 
@@ -69,7 +68,7 @@ def test_pulses_placed_by_poses_have_the_geometric_radar(spotlight_bag, tmp_path
     write_bag(tmp_path / 'posed', bare, truth, poses=poses)
     for source in open_apertures(tmp_path / 'posed'):
         assert source.radar.first_sample_delay_s < blocks[0].radar.first_sample_delay_s
-        _same(source, open_source(tmp_path / 'posed', aperture=source.aperture))
+        _same(source, open_pulses(tmp_path / 'posed', aperture=source.aperture))
 
 
 def test_messages_between_two_times(spotlight_bag):
