@@ -12,7 +12,6 @@ import datetime
 import json
 import math
 import os
-import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -49,9 +48,8 @@ _OUR = 'sar_imaging:'
 
 def write_catalogue(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
     """Write the catalogue of what is there; without a datum there is no place to tell."""
-    start = time.perf_counter()
     if job.datum is None:
-        return PieceResult(piece.key, 0.0, warnings=(
+        return PieceResult(warnings=(
             'no STAC catalogue: neither the job nor a recording tells where on the Earth the map '
             'is; give datum',))
     scans = all_scans(output)
@@ -66,12 +64,10 @@ def write_catalogue(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
         boxes.append(item.bbox)
         times += [item.common_metadata.start_datetime, item.common_metadata.end_datetime]
     if not names:
-        return PieceResult(piece.key, time.perf_counter() - start, warnings=(
-            'no STAC catalogue: nothing was imaged',))
+        return PieceResult(warnings=('no STAC catalogue: nothing was imaged',))
     write_text(output / CATALOGUE, json.dumps(_collection(job, names, boxes, times), indent=1)
                + '\n')
-    return PieceResult(piece.key, time.perf_counter() - start,
-                       files=(CATALOGUE, *(f'{ITEMS}/{name}.json' for name in names)),
+    return PieceResult(files=(CATALOGUE, *(f'{ITEMS}/{name}.json' for name in names)),
                        found={'items': len(names)})
 
 

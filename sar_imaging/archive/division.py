@@ -28,13 +28,11 @@ from ..planning.costs import DEFAULT, costs, using
 from ..signal.radar import RadarParameters
 from .job import Job
 from .pieces import (
-    CoherencePiece,
     ImagePiece,
-    MosaicPiece,
     Piece,
     ProductPiece,
-    StripPiece,
     SumPiece,
+    TilePiece,
 )
 from .scans import ApertureScan, Division
 from .windows import Window, union
@@ -618,15 +616,12 @@ def divide(job: Job, scans: Sequence[ApertureScan], *, free_bytes: float | None 
     images = _Images(job)
     for scan in scans:
         images.add(scan)
+    maps = _maps(job, scans)
     pieces: list[Piece] = [*images.pieces]
+    for one in maps:
+        pieces += one.tiles(job, images)
     if scans:
-        if job.products.strips:
-            pieces += _strips(job, scans, images)
-        if job.products.mosaic:
-            pieces += _mosaic(job, scans, images)
-        if job.products.coherence_window:
-            pieces += _coherence(job, scans, images)
-        pieces += _products(job, scans, images, pieces)
+        pieces += _products(job, scans, images, maps, pieces)
     pace = machine_pace()
     pieces = [dataclasses.replace(piece, seconds=pace * piece.seconds) for piece in pieces]
     plan = ArchivePlan(job, tuple(pieces), len(scans), images.window)
@@ -708,85 +703,95 @@ def _tiles_bytes(job: Job, margin: int = 0, least: float = 0.0) -> int:
     return int(PROCESS_BYTES + max(tiles, least))
 
 
-def _by_tile(job: Job, scans: Sequence[ApertureScan]) -> Iterator[
-        tuple[Window, tuple[ApertureScan, ...]]]:
-    """Tiles with pixels of at least one aperture, and those apertures, row by row."""
-    found: dict[Window, list[ApertureScan]] = defaultdict(list)
-    for scan in scans:
-        for tile in scan.window.tiles(job.tile):
-            found[tile].append(scan)
-    for tile in sorted(found):
-        yield tile, tuple(found[tile])
+@dataclasses.dataclass(frozen=True)
+class _Map:
+    """Arrays over tiles that are made of aperture images: `TilePiece` explains kind and subject.
+
+    `window` has the pixels that belong to the apertures.
+    """
+
+    kind: str
+    subject: str
+    scans: Sequence[ApertureScan]
+    window: Window
+
+    @property
+    def name(self) -> str:
+        return f'{self.kind} {self.subject}'.rstrip()
+
+    def tiles(self, job: Job, images: _Images) -> Iterator[TilePiece]:
+        """Pieces of the tiles with pixels of at least one aperture, row by row."""
+        of_tile: dict[Window, list[ApertureScan]] = defaultdict(list)
+        for scan in self.scans:
+            for tile in (self if self.kind == 'coherence' else scan).window.tiles(job.tile):
+                of_tile[tile].append(scan)
+        takes = _coherence_takes if self.kind == 'coherence' else _looks_takes
+        for tile, scans in sorted(of_tile.items()):
+            yield TilePiece(
+                key=f'{self.name} {_place(tile, job.tile)}', KIND=self.kind, subject=self.subject,
+                tile=tile, extent=self.window.on_tiles(job.tile),
+                images=tuple((scan.name, scan.window) for scan in scans),
+                **takes(self, job, images, tile, scans))
 
 
-def _looks(job: Job, images: _Images, tile: Window, scans: tuple[ApertureScan, ...]) -> dict:
-    """What pieces of means of power have in common."""
+def _looks_takes(_: _Map, job: Job, images: _Images, tile: Window,
+                 scans: Sequence[ApertureScan]) -> dict:
+    """What a tile of means of power needs and takes."""
     n_pixels = sum(tile.intersection(scan.window).n_pixels for scan in scans)
-    read = IMAGE_BYTES * n_pixels
     return dict(
-        tile=tile, images=tuple((scan.name, scan.window) for scan in scans),
         needs=tuple(key for scan in scans for key in images.keys(scan.name, tile)),
         seconds=PIECE_S + LOOKS_S_PER_PIXEL * n_pixels, memory_bytes=_tiles_bytes(job),
-        reads_bytes=read, writes_bytes=LOOKS_BYTES * min(n_pixels, tile.n_pixels))
+        reads_bytes=IMAGE_BYTES * n_pixels,
+        writes_bytes=LOOKS_BYTES * min(n_pixels, tile.n_pixels))
 
 
-def _strips(job: Job, scans: Sequence[ApertureScan], images: _Images) -> Iterator[Piece]:
-    of_recording: dict[str, list[ApertureScan]] = defaultdict(list)
-    for scan in scans:
-        of_recording[scan.recording].append(scan)
-    for name, some in of_recording.items():
-        extent = union(scan.window for scan in some).on_tiles(job.tile)
-        for tile, own in _by_tile(job, some):
-            yield StripPiece(key=f'strip {name} {_place(tile, job.tile)}', recording=name,
-                             strip=extent, **_looks(job, images, tile, own))
+def _coherence_takes(pair: _Map, job: Job, images: _Images, tile: Window,
+                     scans: Sequence[ApertureScan]) -> dict:
+    """What a tile of coherence needs and takes."""
+    n_pixels = tile.intersection(pair.window).n_pixels
+    return dict(
+        # looks and phase of the whole pair are measured before its first tile
+        needs=tuple(key for scan in scans for key in images.keys(scan.name, pair.window)),
+        marks=tuple(scan.fingerprint for scan in scans),
+        seconds=PIECE_S + COHERENCE_S_PER_PIXEL * n_pixels,
+        memory_bytes=2 * _tiles_bytes(job, job.products.coherence_window) - int(PROCESS_BYTES),
+        reads_bytes=2 * IMAGE_BYTES * n_pixels, writes_bytes=COHERENCE_BYTES * n_pixels)
 
 
-def _mosaic(job: Job, scans: Sequence[ApertureScan], images: _Images) -> Iterator[Piece]:
-    extent = images.window.on_tiles(job.tile)
-    for tile, own in _by_tile(job, scans):
-        yield MosaicPiece(key=f'mosaic {_place(tile, job.tile)}', mosaic=extent,
-                          **_looks(job, images, tile, own))
+def _maps(job: Job, scans: Sequence[ApertureScan]) -> list[_Map]:
+    """Strips, mosaic and pairs that the job wants."""
+    found: list[_Map] = []
+    if job.products.strips:
+        of_recording: dict[str, list[ApertureScan]] = defaultdict(list)
+        for scan in scans:
+            of_recording[scan.recording].append(scan)
+        found += [_Map('strip', name, some, union(scan.window for scan in some))
+                  for name, some in of_recording.items()]
+    if job.products.mosaic and scans:
+        found.append(_Map('mosaic', '', scans, union(scan.window for scan in scans)))
+    if job.products.coherence_window:
+        found += _pairs(scans, job.tile, job.spacing_m)
+    return found
 
 
-def _coherence(job: Job, scans: Sequence[ApertureScan], images: _Images) -> Iterator[Piece]:
-    margin = job.products.coherence_window
-    for pair in find_pairs(scans, job.tile, job.spacing_m):
-        extent = pair.window.on_tiles(job.tile)
-        for tile in extent.tiles(job.tile):
-            n_pixels = tile.intersection(pair.window).n_pixels
-            needs = (key for scan in (pair.first, pair.second)
-                     # looks and phase of the whole pair are measured before its first tile
-                     for key in images.keys(scan.name, pair.window))
-            yield CoherencePiece(
-                key=f'coherence {pair.name} {_place(tile, job.tile)}', needs=tuple(needs),
-                seconds=PIECE_S + COHERENCE_S_PER_PIXEL * n_pixels,
-                memory_bytes=2 * _tiles_bytes(job, margin) - int(PROCESS_BYTES),
-                reads_bytes=2 * IMAGE_BYTES * n_pixels,
-                writes_bytes=COHERENCE_BYTES * n_pixels, pair=pair.name, first=pair.first,
-                second=pair.second, tile=tile, extent=extent)
-
-
-def _products(job: Job, scans: Sequence[ApertureScan], images: _Images,
+def _products(job: Job, scans: Sequence[ApertureScan], images: _Images, maps: Sequence[_Map],
               pieces: Sequence[Piece]) -> list[Piece]:
     """Files for other programs, and the catalogue of everything."""
     out: list[ProductPiece] = []
     if job.datum is not None:
         out += _image_files(job, scans, images)
-        out += _tiled_files(job, scans, pieces)
+        out += [_map_file(job, one, [p for p in pieces if isinstance(p, TilePiece)
+                                     and (p.KIND, p.subject) == (one.kind, one.subject)])
+                for one in maps]
     last = tuple(p.key for p in (*pieces, *out) if not isinstance(p, ImagePiece | SumPiece))
     finals = tuple(key for scan in scans for key in images.keys(scan.name, scan.window))
-    out.append(ProductPiece(key='catalogue and report', product='catalogue', needs=finals + last,
-                            memory_bytes=_tiles_bytes(job, least=REPORT_BYTES),
-                            extent=images.window, **_report_traffic(scans, pieces)))
+    mosaic = sum(p.writes_bytes for p in pieces if p.KIND == 'mosaic')
+    out.append(ProductPiece(
+        key='catalogue and report', product='catalogue', needs=finals + last,
+        memory_bytes=_tiles_bytes(job, least=REPORT_BYTES), extent=images.window,
+        seconds=REPORT_S + REPORT_S_PER_SCAN * len(scans)
+        + REPORT_S_PER_PIXEL * mosaic / LOOKS_BYTES, reads_bytes=mosaic))
     return out
-
-
-def _report_traffic(scans: Sequence[ApertureScan], pieces: Sequence[Piece]) -> dict:
-    """Time and bytes of the catalogue and the report, which has a picture of the mosaic."""
-    mosaic = sum(p.writes_bytes for p in pieces if isinstance(p, MosaicPiece))
-    n_pixels = mosaic / LOOKS_BYTES
-    return dict(seconds=REPORT_S + REPORT_S_PER_SCAN * len(scans) + REPORT_S_PER_PIXEL * n_pixels,
-                reads_bytes=mosaic)
 
 
 def _image_files(job: Job, scans: Sequence[ApertureScan], images: _Images
@@ -799,7 +804,7 @@ def _image_files(job: Job, scans: Sequence[ApertureScan], images: _Images
                 _tiles_bytes(job, least=GEOTIFF_MEMORY))
             yield ProductPiece(
                 key=f'{name} {scan.name}', product=f'image {name}', subject=scan.name,
-                scans=(scan,), extent=scan.window,
+                scan=scan, extent=scan.window,
                 needs=images.keys(scan.name, scan.window),
                 seconds=_image_file_s(scan, name), memory_bytes=int(memory),
                 reads_bytes=scan.reads_bytes if name == 'sicd' else IMAGE_BYTES * n,
@@ -814,61 +819,20 @@ def _image_file_s(scan: ApertureScan, name: str) -> float:
     return FILE_S + DEFAULT.seconds(imaged) + IMAGE_BYTES * n * WRITE_S_PER_BYTE
 
 
-def _tiled_files(job: Job, scans: Sequence[ApertureScan], pieces: Sequence[Piece]
-                 ) -> Iterator[ProductPiece]:
-    """GeoTIFF files of strips, mosaic and coherence."""
-    by_name = {scan.name: scan for scan in scans}
-    groups: dict[tuple[str, str], list[Piece]] = defaultdict(list)
-    for piece in pieces:
-        if isinstance(piece, StripPiece | MosaicPiece | CoherencePiece):
-            subject = getattr(piece, 'recording', '') or getattr(piece, 'pair', '')
-            groups[piece.KIND, subject].append(piece)
-    for (kind, subject), own in groups.items():
-        first = own[0]
-        if isinstance(first, CoherencePiece):
-            used = (first.first, first.second)
-            extent = first.first.window.intersection(first.second.window)
-        elif isinstance(first, StripPiece):
-            names = dict.fromkeys(name for piece in own for name, _ in piece.images)
-            used = tuple(by_name[name] for name in names)
-            extent = union(scan.window for scan in used)
-        else:
-            used, extent = (), union(scan.window for scan in scans)
-        n = sum(common.n_pixels for piece in own
-                if (common := piece.tile.intersection(extent)) is not None)
-        # numbers of looks are small; coherence is smooth
-        files, size = (2, GEOTIFF_BYTES / 2) if kind == 'coherence' else (1, GEOTIFF_BYTES)
-        yield ProductPiece(
-            key=f'geotiff of the {kind} {subject}'.rstrip(), product=f'{kind} geotiff',
-            subject=subject, scans=used, extent=extent, needs=tuple(piece.key for piece in own),
-            seconds=FILE_S + files * GEOTIFF_S_PER_PIXEL * n,
-            memory_bytes=_tiles_bytes(job, least=GEOTIFF_MEMORY),
-            reads_bytes=files * LOOKS_BYTES * n, writes_bytes=int(files * size * n))
+def _map_file(job: Job, one: _Map, tiles: Sequence[TilePiece]) -> ProductPiece:
+    """GeoTIFF files of a strip, the mosaic or a pair."""
+    n = sum(piece.tile.intersection(one.window).n_pixels for piece in tiles)
+    # numbers of looks are small; coherence is smooth
+    files, size = (2, GEOTIFF_BYTES / 2) if one.kind == 'coherence' else (1, GEOTIFF_BYTES)
+    return ProductPiece(
+        key=f'geotiff of the {one.name}', product=f'{one.kind} geotiff', subject=one.subject,
+        extent=one.window, needs=tuple(piece.key for piece in tiles),
+        seconds=FILE_S + files * GEOTIFF_S_PER_PIXEL * n,
+        memory_bytes=_tiles_bytes(job, least=GEOTIFF_MEMORY),
+        reads_bytes=files * LOOKS_BYTES * n, writes_bytes=int(files * size * n))
 
 
-@dataclasses.dataclass(frozen=True)
-class Pair:
-    """Two apertures to compare.
-
-    Attributes
-    ----------
-    first, second : ApertureScan
-        The first of its stack, and another one.
-    window : Window
-        Pixels that both have.
-    """
-
-    first: ApertureScan
-    second: ApertureScan
-    window: Window
-
-    @property
-    def name(self) -> str:
-        """Unique within the archive."""
-        return f'{self.first.name}__{self.second.name}'
-
-
-def find_pairs(scans: Sequence[ApertureScan], tile: int, spacing_m: float) -> list[Pair]:
+def _pairs(scans: Sequence[ApertureScan], tile: int, spacing_m: float) -> list[_Map]:
     """First of each stack with each other one, in the order of their times.
 
     An aperture belongs to the stack of the earliest aperture of another recording, of the same
@@ -882,7 +846,8 @@ def find_pairs(scans: Sequence[ApertureScan], tile: int, spacing_m: float) -> li
         for first in begun[row // tile, column // tile]:
             common = first.window.intersection(scan.window)
             if common is not None and _together(first, scan, common, spacing_m):
-                pairs.append(Pair(first, scan, common))
+                pairs.append(_Map('coherence', f'{first.name}__{scan.name}', (first, scan),
+                                  common))
                 break
         else:
             for part in scan.window.tiles(tile):

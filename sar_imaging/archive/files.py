@@ -6,7 +6,6 @@ GeoTIFF is written in bounded memory. SICD wants a grid of its own: its images a
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -43,18 +42,12 @@ from .tiles import stored_coherence, stored_looks
 from .windows import Window, lattice_grid
 
 _LARGEST_MISS_PX = 0.25  # of a pixel's place by the affine transform
-_NO_DATUM = ('no GeoTIFF: neither the job nor a recording tells where on the Earth the map is; '
-             'give datum')
 
 
 def write_rasters(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
     """Write the GeoTIFF files of a product."""
-    start = time.perf_counter()
-    if job.datum is None:
-        return PieceResult(piece.key, 0.0, warnings=(_NO_DATUM,))
     layers = _LAYERS[piece.product](piece, job, output)
-    window = piece.scans[0].window if piece.product == 'image geotiff' else piece.extent
-    place = place_of(window, job)
+    window, place = piece.extent, place_of(piece.extent, job)
     files = []
     for name, array, options, values in layers:
         path = output / name
@@ -65,7 +58,7 @@ def write_rasters(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
             'SPACING_M': f'{job.spacing_m:g}'} | options.pop('tags', {}),
             **{'overviews': 'AVERAGE', **options})
         files.append(name)
-    return PieceResult(piece.key, time.perf_counter() - start, files=tuple(files),
+    return PieceResult(files=tuple(files),
                        found={'place_error_m': place.error_m, 'crs': place.crs.name})
 
 
@@ -97,7 +90,7 @@ def _windows(array: TiledArray, window: Window,
 
 
 def _raster_image(piece: ProductPiece, job: Job, output: Path) -> list[tuple]:
-    [scan] = piece.scans
+    scan = piece.scan
     image = StoredImage.open(output, scan.name)
     if image is None or not image.complete(output, scan.window):
         raise ArchiveDataError(f'the image of {scan.name} is not complete')
@@ -140,13 +133,8 @@ _ROWS_AT_ONCE = 64  # that are scaled
 
 def write_sicd_image(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
     """Form the image of an aperture on SICD's grid on the ground, and write it."""
-    start = time.perf_counter()
-    [scan] = piece.scans
+    scan = piece.scan
     datum = scan.datum or job.datum
-    if datum is None:
-        return PieceResult(piece.key, 0.0, warnings=(
-            'no SICD: neither the job nor the recording tells where on the Earth it is; give '
-            'datum',))
     source = open_pulses(scan.path, aperture=scan.aperture, datum=scan.datum)
     looks = pointing_of(source)
     acquisition = lit_acquisition(source, looks)
@@ -164,8 +152,7 @@ def write_sicd_image(piece: ProductPiece, job: Job, output: Path) -> PieceResult
     path.parent.mkdir(parents=True, exist_ok=True)
     write_sicd(path, image, datum, acquisition,
                classification=source.collection.classification, **factors)
-    return PieceResult(piece.key, time.perf_counter() - start,
-                       predicted_error_db=image.report.predicted_error_db,
+    return PieceResult(predicted_error_db=image.report.predicted_error_db,
                        warnings=image.report.warnings, files=(f'images/{scan.name}.nitf',))
 
 

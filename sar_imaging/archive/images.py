@@ -11,7 +11,6 @@ import dataclasses
 import json
 import math
 import shutil
-import time
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -267,14 +266,13 @@ def form_image(piece: ImagePiece, job: Job, output: Path) -> PieceResult:
     quicker and to have room, holds them all. Plans are made with the costs that are the same
     everywhere, on one thread, so that a piece gives the same bits wherever it runs.
     """
-    start = time.perf_counter()
     pulses = AperturePulses(piece.scan, output, piece.pulses)
     checked = Checked.of(piece.window, job.checked_pixels, piece.scan.name)
     with using(DEFAULT), one_thread():
         image = _formed(pulses, job, piece.window, piece.method, checked)
     figures = checked.figures(image.samples) | _told(image.report)
     _store(piece, job, output, image.samples, checked, figures)
-    return _result(piece, figures, time.perf_counter() - start)
+    return _result(figures)
 
 
 class one_thread:
@@ -417,7 +415,6 @@ class StoredImage:
 
 def sum_images(piece: SumPiece, job: Job, output: Path) -> PieceResult:
     """Add two partial images, tile by tile, and drop them."""
-    start = time.perf_counter()
     parts = [_array(piece, job, output, part) for part in piece.parts]
     if all(part.exists for part in parts):
         figures = _summed(piece, parts, job, output)
@@ -428,7 +425,7 @@ def sum_images(piece: SumPiece, job: Job, output: Path) -> PieceResult:
         if part.exists:  # renamed first: never half there
             dropped = part.path.rename(part.path.with_name(f'.{part.path.name}'))
             shutil.rmtree(dropped)
-    return _result(piece, figures, time.perf_counter() - start)
+    return _result(figures)
 
 
 def _summed(piece: SumPiece, parts: list[TiledArray], job: Job, output: Path) -> dict:
@@ -481,8 +478,8 @@ def _pick(values: np.ndarray, index: np.ndarray, samples: np.ndarray, part: Wind
     values[inside] = samples[row[inside] - part.row0, column[inside] - part.column0]
 
 
-def _result(piece: ImagePiece | SumPiece, figures: dict, seconds: float) -> PieceResult:
+def _result(figures: dict) -> PieceResult:
     return PieceResult(
-        piece.key, seconds, predicted_error_db=figures['predicted_error_db'],
+        predicted_error_db=figures['predicted_error_db'],
         measured_error_db=error_db([figures]), warnings=tuple(figures['warnings']),
         found={'method': figures['method'], 'checked_pixels': figures['n_checked']})

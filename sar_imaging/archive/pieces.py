@@ -6,7 +6,6 @@ import dataclasses
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import ClassVar
 
 from .scans import ApertureScan
 from .windows import Window
@@ -34,7 +33,7 @@ class Piece:
         Predicted traffic with the disk.
     """
 
-    KIND: ClassVar[str]
+    KIND = ''
 
     key: str
     needs: tuple[str, ...] = ()
@@ -123,77 +122,32 @@ class SumPiece(Piece):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class LooksPiece(Piece):
-    """One tile of means: mean power of some apertures, and their number at each pixel.
+class TilePiece(Piece):
+    """One tile of what is made of several aperture images.
 
     Attributes
     ----------
+    KIND : str
+        ``'strip'``, ``'mosaic'`` or ``'coherence'``.
+    subject : str
+        Name of the recording of a strip, or of a pair; empty for the mosaic.
     tile : Window
         Whole tile.
-    images : tuple of (str, Window)
-        Names and windows of the aperture images with pixels in the tile, in order.
-    """
-
-    tile: Window
-    images: tuple[tuple[str, Window], ...]
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class StripPiece(LooksPiece):
-    """One tile of a strip, the means of a recording's apertures.
-
-    Attributes
-    ----------
-    recording : str
-        Name of the strip.
-    strip : Window
-        Whole tiles of the strip, the extent of its arrays.
-    """
-
-    KIND = 'strip'
-
-    recording: str
-    strip: Window
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class MosaicPiece(LooksPiece):
-    """One tile of the mosaic, the means of all apertures.
-
-    Attributes
-    ----------
-    mosaic : Window
-        Whole tiles of the mosaic, the extent of its arrays.
-    """
-
-    KIND = 'mosaic'
-
-    mosaic: Window
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class CoherencePiece(Piece):
-    """One tile of the coherence of two passes over the same pixels.
-
-    Attributes
-    ----------
-    pair : str
-        Name of the pair: first of the stack and other one.
-    first, second : ApertureScan
-        Apertures.
-    tile : Window
-        Whole tile; what both have of it is compared.
     extent : Window
-        Whole tiles of the pair, the extent of its arrays.
+        Whole tiles that the arrays cover.
+    images : tuple of (str, Window)
+        Names and windows of the aperture images, in order: those with pixels in the tile, or both
+        of a pair.
+    marks : tuple of str
+        Fingerprints of the recordings of a pair, of which something is measured as a whole.
     """
 
-    KIND = 'coherence'
-
-    pair: str
-    first: ApertureScan
-    second: ApertureScan
+    KIND: str
+    subject: str
     tile: Window
     extent: Window
+    images: tuple[tuple[str, Window], ...]
+    marks: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -207,9 +161,8 @@ class ProductPiece(Piece):
         ``'coherence geotiff'`` or ``'catalogue'``, the last one, with the report.
     subject : str
         Name of the aperture, strip or pair; empty for the mosaic and the catalogue.
-    scans : tuple of ApertureScan
-        Apertures of an image, a strip or a pair; none for the mosaic and the catalogue, which
-        has them all (`scans.load_scans`).
+    scan : ApertureScan or None
+        Aperture of an image.
     extent : Window or None
         Pixels of the file: those that belong to an aperture, within the whole tiles of the
         arrays.
@@ -219,22 +172,16 @@ class ProductPiece(Piece):
 
     product: str
     subject: str = ''
-    scans: tuple[ApertureScan, ...] = ()
+    scan: ApertureScan | None = None
     extent: Window | None = None
 
 
 @dataclasses.dataclass(frozen=True)
 class PieceResult:
-    """What a piece that is done tells.
+    """What a piece that is done tells, beside time and memory, which its record has.
 
     Attributes
     ----------
-    key : str
-        Of the piece.
-    seconds : float
-        That it took.
-    peak_bytes : int
-        Largest memory of its process meanwhile.
     predicted_error_db, measured_error_db : float or None
         Of aperture images against time-domain correlation, dB; None where there is none.
     warnings : tuple of str
@@ -245,9 +192,6 @@ class PieceResult:
         More that its kind tells, fit for JSON.
     """
 
-    key: str
-    seconds: float
-    peak_bytes: int = 0
     predicted_error_db: float | None = None
     measured_error_db: float | None = None
     warnings: tuple[str, ...] = ()

@@ -11,7 +11,6 @@ import glob
 import hashlib
 import os
 import re
-import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -388,7 +387,6 @@ def scan_piece(piece: ScanPiece, job: Job, output: Path) -> PieceResult:
     OSError
         The output cannot be written, or the recording not be read for now.
     """
-    start = time.perf_counter()
     scan = scan_recording(piece.path, piece.recording, job, output)
     write_scan(output, scan)  # reports tell losses, too
     if not scan.apertures:
@@ -397,7 +395,7 @@ def scan_piece(piece: ScanPiece, job: Job, output: Path) -> PieceResult:
     for aperture in scan.apertures:
         warnings += [f'{aperture.name}: {text}' for text in aperture.warnings]
     return PieceResult(
-        piece.key, time.perf_counter() - start, warnings=tuple(warnings),
+        warnings=tuple(warnings),
         files=(scan_file(scan.name), *(aperture.centres for aperture in scan.apertures)),
         found={'apertures': len(scan.apertures), 'losses': len(scan.losses)})
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,7 +17,7 @@ import numpy as np
 from ..exploitation.passes import PairStatistics, PhasePlane, coherence_part, pair_statistics
 from .images import StoredImage
 from .job import Job
-from .pieces import ArchiveDataError, CoherencePiece, LooksPiece, MosaicPiece, PieceResult
+from .pieces import ArchiveDataError, PieceResult, TilePiece
 from .scans import write_text
 from .storage import COHERENCE, MOSAIC, STRIPS, TiledArray, image_array
 from .windows import Window
@@ -27,29 +26,18 @@ POWER, LOOKS = 'power', 'looks'
 _ROWS_AT_ONCE = 256
 
 
-def looks_tile(piece: LooksPiece, job: Job, output: Path) -> PieceResult:
+def looks_tile(piece: TilePiece, job: Job, output: Path) -> PieceResult:
     """Mean power and number of looks of a tile, of the apertures whose images are complete."""
-    start = time.perf_counter()
     power, looks, missing = mean_power([name for name, _ in piece.images], piece.tile, job, output)
-    for array, values in zip(looks_arrays(piece, job, output), (power, looks), strict=True):
-        array.write(piece.tile, values, array.extent)
-    return PieceResult(piece.key, time.perf_counter() - start, found={
-        'missing': missing, 'pixels': int(np.count_nonzero(looks)),
-        'looks': int(looks.sum(dtype=np.int64))})
-
-
-def looks_arrays(piece: LooksPiece, job: Job,
-                 output: Path) -> tuple[TiledArray, TiledArray]:
-    """Arrays of power and looks that a piece writes into, made where there are none."""
-    if isinstance(piece, MosaicPiece):
-        arrays = stored_looks(output, '', piece.mosaic, job.tile)
-    else:
-        arrays = stored_looks(output, piece.recording, piece.strip, job.tile)
     told = {'spacing_m': job.spacing_m, **(
         {} if job.radiometry is None else {'quantity': job.radiometry.quantity})}
-    arrays[0].create(np.float32, float('nan'), attributes=told)
-    arrays[1].create(np.uint16, 0, attributes=told)
-    return arrays
+    arrays = stored_looks(output, piece.subject, piece.extent, job.tile)
+    for array, values, empty in zip(arrays, (power, looks), (float('nan'), 0), strict=True):
+        array.create(values.dtype, empty, attributes=told)
+        array.write(piece.tile, values, array.extent)
+    return PieceResult(found={
+        'missing': missing, 'pixels': int(np.count_nonzero(looks)),
+        'looks': int(looks.sum(dtype=np.int64))})
 
 
 def stored_looks(output: Path, strip: str, extent: Window,
@@ -123,14 +111,12 @@ VALUES, PHASE = 'coherence', 'phase_rad'
 _PART = 1024  # rows and columns that are compared at a time
 
 
-def coherence_tile(piece: CoherencePiece, job: Job, output: Path) -> PieceResult:
+def coherence_tile(piece: TilePiece, job: Job, output: Path) -> PieceResult:
     """Coherence and phase of a tile of a pair, of pixels that both images have."""
-    start = time.perf_counter()
-    common = piece.first.window.intersection(piece.second.window)
-    if common is None:
-        raise ArchiveDataError(f'{piece.pair}: the images have no pixel in common')
-    arrays = stored_coherence(output, piece.pair, piece.extent, job.tile)
-    told = {'spacing_m': job.spacing_m, 'first': piece.first.name, 'second': piece.second.name}
+    (first, one), (second, other) = piece.images
+    common = one.intersection(other)
+    arrays = stored_coherence(output, piece.subject, piece.extent, job.tile)
+    told = {'spacing_m': job.spacing_m, 'first': first, 'second': second}
     read = _reader(piece, job, output, common)
     pair = _statistics(piece, job, output, common, read)
     values, phase = np.full((2, *piece.tile.shape), np.nan, np.float32)
@@ -143,7 +129,7 @@ def coherence_tile(piece: CoherencePiece, job: Job, output: Path) -> PieceResult
         array.create(np.float32, float('nan'), attributes=told | {'looks': pair.looks})
         array.write(piece.tile, found, array.extent)
     known = values[np.isfinite(values)]
-    return PieceResult(piece.key, time.perf_counter() - start, found={
+    return PieceResult(found={
         'pixels': int(known.size), 'looks': pair.looks,
         'median': float(np.median(known)) if known.size else None})
 
@@ -155,14 +141,14 @@ def stored_coherence(output: Path, pair: str, extent: Window,
     return TiledArray(folder / VALUES, extent, tile), TiledArray(folder / PHASE, extent, tile)
 
 
-def _reader(piece: CoherencePiece, job: Job, output: Path, common: Window):
+def _reader(piece: TilePiece, job: Job, output: Path, common: Window):
     """Function that reads rows and columns of both images, counted from the common window."""
     arrays = []
-    for scan in (piece.first, piece.second):
-        image = StoredImage.open(output, scan.name)
+    for name, _ in piece.images:
+        image = StoredImage.open(output, name)
         if image is None or not image.complete(output, common):
-            raise ArchiveDataError(f'{piece.pair}: the image of {scan.name} is not complete')
-        arrays.append(image_array(output, scan.name, image.window, job.tile))
+            raise ArchiveDataError(f'{piece.subject}: the image of {name} is not complete')
+        arrays.append(image_array(output, name, image.window, job.tile))
 
     def read(rows: slice, columns: slice):
         window = Window(common.row0 + rows.start, common.row0 + rows.stop,
@@ -172,16 +158,16 @@ def _reader(piece: CoherencePiece, job: Job, output: Path, common: Window):
     return read
 
 
-def _statistics(piece: CoherencePiece, job: Job, output: Path, common: Window,
+def _statistics(piece: TilePiece, job: Job, output: Path, common: Window,
                 read) -> PairStatistics:
     """What tiles need of the whole pair: measured by the first of them, read by the others.
 
     Two that begin at once both measure, and find the same.
     """
-    images = [StoredImage.open(output, scan.name) for scan in (piece.first, piece.second)]
-    marks = [piece.first.fingerprint, piece.second.fingerprint, job.digest(),
+    images = [StoredImage.open(output, name) for name, _ in piece.images]
+    marks = [*piece.marks, job.digest(),
              *(list(part.as_tuple) for image in images for part in image.parts)]
-    path = output / COHERENCE / piece.pair / 'pair.json'
+    path = output / COHERENCE / piece.subject / 'pair.json'
     if path.exists():
         told = json.loads(path.read_text())
         if told['marks'] == marks:

@@ -17,17 +17,7 @@ from .division import PROCESS_BYTES, ArchivePlan, divide
 from .files import write_rasters, write_sicd_image
 from .images import form_image, sum_images
 from .job import Job
-from .pieces import (
-    CoherencePiece,
-    ImagePiece,
-    MosaicPiece,
-    Piece,
-    PieceResult,
-    ProductPiece,
-    ScanPiece,
-    StripPiece,
-    SumPiece,
-)
+from .pieces import Piece, PieceResult, ProductPiece, ScanPiece
 from .recordings import find_recordings, scan_piece, with_datum
 from .records import claim, held
 from .runner import Loss, Summary, run_pieces
@@ -204,9 +194,9 @@ def _product(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
     return dataclasses.replace(told, files=(*files, *told.files))
 
 
-_WORK: dict[type[Piece], Callable[[Piece, Job, Path], PieceResult]] = {
-    ScanPiece: scan_piece, ImagePiece: form_image, SumPiece: sum_images, StripPiece: looks_tile,
-    MosaicPiece: looks_tile, CoherencePiece: coherence_tile, ProductPiece: _product}
+_WORK: dict[str, Callable[[Piece, Job, Path], PieceResult]] = {
+    'scan': scan_piece, 'image': form_image, 'sum': sum_images, 'strip': looks_tile,
+    'mosaic': looks_tile, 'coherence': coherence_tile, 'product': _product}
 
 
 def compute(piece: Piece, output: Path) -> PieceResult:
@@ -232,7 +222,7 @@ def compute(piece: Piece, output: Path) -> PieceResult:
     OSError
         The disk is full, or something cannot be read.
     """
-    return _WORK[type(piece)](piece, load_job(output), output)
+    return _WORK[piece.KIND](piece, load_job(output), output)
 
 
 def may_lack(piece: Piece, lost: Sequence[str]) -> bool:
@@ -245,4 +235,4 @@ def may_lack(piece: Piece, lost: Sequence[str]) -> bool:
         if piece.product == 'catalogue':
             return True
         return not piece.product.startswith('image ') and len(lost) < len(set(piece.needs))
-    return isinstance(piece, StripPiece | MosaicPiece) and len(lost) < len(set(piece.needs))
+    return piece.KIND in ('strip', 'mosaic') and len(lost) < len(set(piece.needs))

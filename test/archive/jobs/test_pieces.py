@@ -5,15 +5,15 @@ import pickle
 from pathlib import Path
 
 from sar_imaging.archive.job import Job
-from sar_imaging.archive.pieces import MosaicPiece, ScanPiece
+from sar_imaging.archive.pieces import ScanPiece, TilePiece
 from sar_imaging.archive.windows import Window
 from sar_imaging.geometry.earth import Datum
 
 
 def test_fingerprints_tell_what_is_computed_and_not_what_was_predicted():
     tile, mosaic = Window(0, 64, 0, 64), Window(0, 128, 0, 128)
-    piece = MosaicPiece(key='mosaic tile 0-0', tile=tile, mosaic=mosaic, images=(('a', tile),),
-                        seconds=1.0)
+    piece = TilePiece(KIND='mosaic', subject='', key='mosaic tile 0-0', tile=tile, extent=mosaic,
+                      images=(('a', tile),), seconds=1.0)
     again = pickle.loads(pickle.dumps(piece))
     assert again == piece and again.fingerprint() == piece.fingerprint()
     assert dataclasses.replace(piece, seconds=2.0).fingerprint() == piece.fingerprint()

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip('zarr', reason='the extra archive is not installed')
 
 from sar_imaging.archive.job import Job
-from sar_imaging.archive.pieces import ImagePiece, MosaicPiece, StripPiece, SumPiece
+from sar_imaging.archive.pieces import ImagePiece, SumPiece, TilePiece
 from sar_imaging.archive.scans import ApertureScan, Division, RecordingScan, write_job, write_scan
 from sar_imaging.archive.windows import Window, union
 from sar_imaging.archive.workflow import compute
@@ -98,15 +98,15 @@ class Archive:
         return compute(piece, self.output)
 
     def mosaic_tiles(self):
-        return [MosaicPiece(key=f'm{n}', tile=tile, mosaic=self.mosaic, images=_images(
-            self.scans, tile))
+        return [TilePiece(KIND='mosaic', subject='', key=f'm{n}', tile=tile, extent=self.mosaic,
+                          images=_images(self.scans, tile))
             for n, tile in enumerate(self.mosaic.tiles(self.job.tile))]
 
     def strip_tiles(self, recording):
         scans = [s for s in self.scans if s.recording == recording]
         strip = union(s.window for s in scans).on_tiles(self.job.tile)
-        return [StripPiece(key=f's{n}', recording=recording, tile=tile, strip=strip,
-                           images=_images(scans, tile))
+        return [TilePiece(KIND='strip', subject=recording, key=f's{n}', tile=tile, extent=strip,
+                          images=_images(scans, tile))
                 for n, tile in enumerate(strip.tiles(self.job.tile))]
 
 

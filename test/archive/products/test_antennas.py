@@ -78,7 +78,7 @@ def test_its_sicd_has_the_antenna(tmp_path):
     path = record(tmp_path / 'lit')
     turned = dataclasses.replace(DATUM, heading_deg=DATUM.heading_deg + 90)
     job, scan, _ = archive_of(path, tmp_path, turned, area_m=(-100.0, -100.0, 100.0, 100.0))
-    [name] = compute(ProductPiece(key='s', product='image sicd', scans=(scan,)),
+    [name] = compute(ProductPiece(key='s', product='image sicd', scan=scan),
                      job.output).files
     with open(job.output / name, 'rb') as file:
         checker = verification.SicdConsistency.from_file(file)

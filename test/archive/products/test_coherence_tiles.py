@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 
 import numpy as np
 import pytest
 
 from sar_imaging.archive.job import Products
-from sar_imaging.archive.pieces import ArchiveDataError, CoherencePiece
+from sar_imaging.archive.pieces import ArchiveDataError, TilePiece
 from sar_imaging.archive.storage import image_array
 from sar_imaging.archive.tiles import stored_coherence
 from sar_imaging.exploitation.passes import compare_passes
@@ -41,8 +40,9 @@ def stack(tmp_path):
 def pieces(archive):
     first, second = archive.scans
     extent = first.window.on_tiles(archive.job.tile)
-    return [CoherencePiece(key=f'c{n}', pair='first~second', first=first, second=second,
-                           tile=tile, extent=extent)
+    return [TilePiece(KIND='coherence', subject='first~second', key=f'c{n}', tile=tile,
+                      extent=extent, marks=(first.fingerprint, second.fingerprint),
+                      images=((first.name, first.window), (second.name, second.window)))
             for n, tile in enumerate(extent.tiles(archive.job.tile))]
 
 
@@ -96,7 +96,3 @@ def test_an_image_that_is_not_there_is_told(stack):
     stack.image(stack.scans[0])
     with pytest.raises(ArchiveDataError, match='the image of second_aperture-000 is not complete'):
         stack.compute(pieces(stack)[0])
-    apart = dataclasses.replace(stack.scans[1].window, row0=10**6, row1=10**6 + 5)
-    far = dataclasses.replace(stack.scans[1], window=apart)
-    with pytest.raises(ArchiveDataError, match='no pixel in common'):
-        stack.compute(dataclasses.replace(pieces(stack)[0], second=far))

@@ -46,7 +46,7 @@ def compute(piece, output):
     part = output / f'{name_of(piece.key)}.{os.getpid()}.part'
     part.write_bytes(total.tobytes())
     part.replace(output / name_of(piece.key))
-    return PieceResult(piece.key, 0.0, files=(name_of(piece.key),))
+    return PieceResult(files=(name_of(piece.key),))
 
 
 def misbehave(piece, output):
