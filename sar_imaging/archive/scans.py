@@ -7,9 +7,11 @@ centres, antennas and brightness stand in arrays.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import json
 import os
 import shutil
+import typing
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -22,8 +24,8 @@ from ..geometry.earth import Datum
 from ..geometry.illumination import AntennaPattern, PatternCut, Pointing
 from ..imaging.radiometry import Radiometry
 from ..radiometry import BrightnessScale
-from ..signal.radar import RadarParameters, Waveform
-from .job import Brightness, Job, JobError, Products
+from ..signal.radar import RadarParameters
+from .job import Job, JobError
 from .windows import Window
 
 _CUTS = ('azimuth', 'elevation')
@@ -287,18 +289,27 @@ def load_job(output: Path) -> Job:
     """
     path = Path(output) / JOB_FILE
     try:
-        fields = json.loads(path.read_text())['job']
-        datum, area = fields['datum'], fields['area_m']
-        products, scaled = fields['products'], fields.get('radiometry')
-        return Job(**fields | {
-            'recordings': tuple(fields['recordings']), 'output': Path(output),
-            'datum': None if datum is None else Datum(**datum),
-            'area_m': None if area is None else tuple(area),
-            'radiometry': scaled and Brightness(**scaled),
-            'products': Products(**products | {'images': tuple(products['images'])})})
+        job = restored(Job, json.loads(path.read_text())['job'])
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise JobError(f'{path} holds no job of an archive ({told(error)}); expected the output '
                        'folder of one; name another folder') from error
+    return dataclasses.replace(job, output=Path(output))
+
+
+def restored(kind, value):
+    """A value of some type again, of what JSON made of its dataclasses, tuples and paths."""
+    if value is None:
+        return None
+    kinds = [part for part in typing.get_args(kind) if part is not type(None)]
+    if typing.get_origin(kind) is tuple:
+        every = itertools.repeat(kinds[0]) if kinds[-1] is ... else kinds
+        return tuple(restored(part, item) for part, item in zip(every, value, strict=False))
+    if kinds:  # one of several, None among them
+        return restored(kinds[0], value)
+    if dataclasses.is_dataclass(kind):
+        hints = typing.get_type_hints(kind)
+        return kind(**{name: restored(hints[name], part) for name, part in value.items()})
+    return value if kind in (int, float, bool, str) else kind(value)
 
 
 def scan_file(recording: str) -> str:
@@ -324,11 +335,7 @@ def load_scan(output: Path, recording: str) -> RecordingScan:
     with naming(path, 'is no scan of a recording; remove it, and the next run makes it', JobError):
         if not path.is_file():
             raise ValueError('there is no such file')
-        told = json.loads(path.read_text())
-        losses = (Loss(loss['name'], loss['path'] and Path(loss['path']), loss['reason'])
-                  for loss in told['losses'])
-        return RecordingScan(told['name'], tuple(map(_aperture, told['apertures'])),
-                             tuple(losses))
+        return restored(RecordingScan, json.loads(path.read_text()))
 
 
 def load_scans(output: Path) -> list[RecordingScan]:
@@ -341,19 +348,3 @@ def all_scans(output: Path) -> list[ApertureScan]:
     """Scans of all apertures of a job, in the order of their names."""
     found = (scan for recording in load_scans(output) for scan in recording.apertures)
     return sorted(found, key=lambda scan: scan.name)
-
-
-def _aperture(fields: dict) -> ApertureScan:
-    radar, division, datum = fields['radar'], fields['division'], fields['datum']
-    scaled = fields.get('radiometry')
-    return ApertureScan(**fields | {
-        'path': Path(fields['path']),
-        'radar': RadarParameters(**radar | {'waveform': Waveform(radar['waveform'])}),
-        'datum': None if datum is None else Datum(**datum),
-        'centre_m': tuple(fields['centre_m']),
-        'footprint_m': tuple(map(tuple, fields['footprint_m'])),
-        'window': Window(**fields['window']), 'warnings': tuple(fields['warnings']),
-        'radiometry': scaled and Radiometry(**scaled),
-        'division': Division(**division | {
-            'windows': tuple(Window(**w) for w in division['windows']),
-            'pulses': tuple(map(tuple, division['pulses']))})})

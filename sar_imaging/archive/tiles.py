@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..exploitation.passes import PairStatistics, PhasePlane, coherence_part, pair_statistics
+from ..exploitation.passes import PairStatistics, coherence_part, pair_statistics
 from .images import StoredImage
 from .job import Job
 from .pieces import ArchiveDataError, PieceResult, TilePiece
-from .scans import write_text
+from .scans import restored, write_text
 from .storage import COHERENCE, MOSAIC, STRIPS, TiledArray, image_array
 from .windows import Window
 
@@ -171,10 +171,7 @@ def _statistics(piece: TilePiece, job: Job, output: Path, common: Window,
     if path.exists():
         told = json.loads(path.read_text())
         if told['marks'] == marks:
-            return PairStatistics(**told['pair'] | {
-                'shape': tuple(told['pair']['shape']),
-                'plane': PhasePlane(**told['pair']['plane'] | {'slope_rad_per_px': tuple(
-                    told['pair']['plane']['slope_rad_per_px'])})})
+            return restored(PairStatistics, told['pair'])
     pair = pair_statistics(read, common.shape, job.products.coherence_window,
                            part=min(_PART, job.tile))
     write_text(path, json.dumps({'marks': marks, 'pair': dataclasses.asdict(pair)}))
