@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import shutil
 
 import numpy as np
 import pytest
@@ -160,10 +161,31 @@ def _scan(recording, path, number, block, middle, datum):
         f'scans/{recording}_aperture-{number:03d}.npz')
 
 
-@pytest.fixture
-def two_strips(tmp_path):
-    """Two recordings of two apertures each; neighbours overlap."""
-    return make_archive(tmp_path, {
+def _two_strips(folder):
+    return make_archive(folder, {
         'flight-1': [(fly(0.0), 0.0), (fly(80.0, first_counter=N_PULSES), 80.0)],
         'flight-2': [(fly(40.0, 520.0), 40.0),
                      (fly(120.0, 520.0, first_counter=N_PULSES), 120.0)]})
+
+
+@pytest.fixture
+def two_strips(tmp_path):
+    """Two recordings of two apertures each; neighbours overlap."""
+    return _two_strips(tmp_path)
+
+
+@pytest.fixture(scope='session')
+def _imaged_once(tmp_path_factory):
+    archive = _two_strips(tmp_path_factory.mktemp('imaged'))
+    for scan in archive.scans:
+        archive.image(scan)
+    return archive
+
+
+@pytest.fixture
+def imaged(_imaged_once, tmp_path):
+    """Those of `two_strips` with the images of all apertures, in a folder of the test's own."""
+    output = tmp_path / 'out'
+    shutil.copytree(_imaged_once.output, output)
+    return dataclasses.replace(_imaged_once,
+                               job=dataclasses.replace(_imaged_once.job, output=output))

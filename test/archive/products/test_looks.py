@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from matplotlib.path import Path as Outline
 
 from sar_imaging.archive.storage import image_array
 from sar_imaging.archive.tiles import stored_looks
 from sar_imaging.imaging.correlation import correlate_profiles
-
-
-@pytest.fixture
-def imaged(two_strips):
-    for scan in two_strips.scans:
-        two_strips.image(scan)
-    return two_strips
 
 
 def mosaic(archive):
@@ -59,10 +51,10 @@ def test_strip_has_the_apertures_of_its_recording(imaged):
     pieces = imaged.strip_tiles('flight-2')
     for piece in pieces:
         imaged.compute(piece)
-    power, looks = stored_looks(imaged.output, 'flight-2', pieces[0].strip, imaged.job.tile)
+    power, looks = stored_looks(imaged.output, 'flight-2', pieces[0].extent, imaged.job.tile)
     rest = np.zeros(imaged.mosaic.shape, np.float32) * np.nan, np.zeros(imaged.mosaic.shape, int)
-    cut = pieces[0].strip.within(imaged.mosaic)
-    rest[0][cut], rest[1][cut] = power.read(pieces[0].strip), looks.read(pieces[0].strip)
+    cut = pieces[0].extent.within(imaged.mosaic)
+    rest[0][cut], rest[1][cut] = power.read(pieces[0].extent), looks.read(pieces[0].extent)
     check(rest, expected(imaged, imaged.scans[2:]), imaged.job.target_db)
 
 
