@@ -1,10 +1,12 @@
-"""YAML that people write, for the whole package: bounded, and a key given twice is refused.
+"""YAML that people write, for the whole package: bounded, each key once, and lines are known.
 
-PyYAML keeps the last of such keys without a word, and YAML 1.2 forbids them (section 3.2.1.1).
+PyYAML keeps the last of keys given twice without a word, and YAML 1.2 forbids them (section
+3.2.1.1). Numbers such as 9.6e9 are numbers, as in YAML 1.2 and ROS; PyYAML takes them for text.
 """
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import yaml
@@ -19,6 +21,33 @@ _NUMBERS = ('tag:yaml.org,2002:int', 'tag:yaml.org,2002:float')
 
 class RepeatedKeyError(yaml.MarkedYAMLError):
     """A mapping has a key twice; its `problem` and `problem_mark` say which and where."""
+
+
+class Mapping(dict):
+    """A mapping of a YAML text that knows where its keys stand.
+
+    Attributes
+    ----------
+    lines : dict
+        Number of the line, from 1, of each key, and of each item of a list by key and index.
+    """
+
+    def __init__(self, *arguments, **keywords):
+        super().__init__(*arguments, **keywords)
+        self.lines: dict = {}
+
+
+def line_of(mapping: object, key: object) -> int | None:
+    """Number of the line, from 1, where a key stands; None where that is not known.
+
+    Parameters
+    ----------
+    mapping : object
+        What has the key; a `Mapping` knows.
+    key : object
+        The key, or a tuple of it and the index of an item of its list.
+    """
+    return getattr(mapping, 'lines', {}).get(key)
 
 
 class Loader(yaml.SafeLoader):
@@ -45,6 +74,26 @@ class Loader(yaml.SafeLoader):
         _expanded(node, {})
         _refuse_repeated_keys(node)
         return node
+
+
+def _mapping(loader: Loader, node: yaml.MappingNode):
+    content = Mapping()
+    yield content  # an alias within it may name it already
+    content.update(loader.construct_mapping(node))
+    for key_node, value in node.value:
+        key = loader.construct_object(key_node)
+        content.lines[key] = key_node.start_mark.line + 1
+        if isinstance(value, yaml.SequenceNode):
+            for index, item in enumerate(value.value):
+                content.lines[key, index] = item.start_mark.line + 1
+
+
+Loader.add_constructor('tag:yaml.org,2002:map', _mapping)
+yaml.SafeDumper.add_representer(Mapping, yaml.SafeDumper.represent_dict)
+for reader_or_writer in (Loader, yaml.SafeDumper):  # which puts such texts in quotes
+    reader_or_writer.add_implicit_resolver(
+        'tag:yaml.org,2002:float', re.compile(r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$'),
+        list('-+.0123456789'))
 
 
 def _expanded(node: yaml.Node | None, known: dict[int, int]) -> int:
@@ -90,15 +139,8 @@ def _refuse_repeated_keys(node: yaml.Node | None) -> None:
             first[name] = line
 
 
-def load_yaml(text: str, loader: type[Loader] = Loader):
-    """Content of a YAML text.
-
-    Parameters
-    ----------
-    text : str
-        One document.
-    loader : subclass of Loader
-        That knows more.
+def load_yaml(text: str):
+    """Content of a YAML text, one document; its mappings are `Mapping`.
 
     Raises
     ------
@@ -106,16 +148,15 @@ def load_yaml(text: str, loader: type[Loader] = Loader):
         It is no YAML, is boundless, or a mapping has a key twice.
     """
     try:
-        return yaml.load(text, loader)
+        return yaml.load(text, Loader)
     except yaml.YAMLError:
         raise
     except Exception as error:  # of values that are none of their type
         raise yaml.MarkedYAMLError(problem=told(error)) from error
 
 
-def read_yaml(path: Path | str, loader: type[Loader] = Loader, *,
-              most_bytes: int = MOST_TEXT_BYTES):
-    """Content of a YAML file.
+def read_yaml(path: Path | str, *, most_bytes: int = MOST_TEXT_BYTES):
+    """Content of a YAML file; its mappings are `Mapping`.
 
     Raises
     ------
@@ -124,7 +165,7 @@ def read_yaml(path: Path | str, loader: type[Loader] = Loader, *,
         of it but a key.
     """
     try:
-        return load_yaml(read_text(path, most_bytes), loader)
+        return load_yaml(read_text(path, most_bytes))
     except yaml.YAMLError as error:
         raise ValueError(f'{path!s} is no YAML: {trouble(error)}') from error
 

@@ -8,12 +8,16 @@ import yaml
 from hypothesis import given, strategies as st
 
 from sar_imaging.archive.job import JobError, read_job
-from sar_imaging.configuration.parameters import ConfigurationFileError, load_tree
+from sar_imaging.configuration.parameters import (
+    ConfigurationFileError,
+    load_tree,
+    read_configuration,
+)
 from sar_imaging.geometry.illumination import Antenna
 from sar_imaging.radiometry import RadarConstant
 from sar_imaging.recordings import DescriptionError, read_description
 from sar_imaging.signal.calibration import CalibrationError, ChannelCalibration
-from sar_imaging.yaml_text import RepeatedKeyError, load_yaml, trouble
+from sar_imaging.yaml_text import RepeatedKeyError, line_of, load_yaml, trouble
 
 PACKAGE = pathlib.Path(__file__).parents[1] / 'sar_imaging'
 
@@ -79,6 +83,35 @@ def test_any_repeated_key_is_found(content, data):
         key = data.draw(st.sampled_from(sorted(content)))
         with pytest.raises(RepeatedKeyError):
             load_yaml(text + yaml.safe_dump({key: 0}))
+
+
+def test_lines_of_keys_and_items_are_known():
+    content = load_yaml('a: 1\nb:\n  c: [x,\n    y]\n  <<: {d: 2}\n')
+    assert (line_of(content, 'a'), line_of(content, 'b'), line_of(content, 'e')) == (1, 2, None)
+    assert (line_of(content['b'], ('c', 1)), line_of(content['b'], 'd')) == (4, 5)
+    assert line_of({'a': 1}, 'a') is None  # of a program
+
+
+@pytest.mark.parametrize(('name', 'text'), [
+    ('description', 'name: rail\nradar: {carier_hz: 1.0}'),
+    ('job', 'recordings: flights\ntille: 1'),
+    ('parameters', '/**/backprojection:\n  ros__parameters: {taget_db: 1.0}')])
+def test_a_misspelt_key_is_named_with_its_line(tmp_path, name, text):
+    path = tmp_path / 'file.yaml'
+    path.write_text(text)
+    if name == 'parameters':
+        said = f'{path}, {read_configuration(path).findings[0].text}'
+    else:
+        with pytest.raises(ValueError) as caught:
+            READERS[name][0](path) if name == 'job' else read_description(path).section(
+                'radar', ['carrier_hz'])
+        said = str(caught.value)
+    assert 'file.yaml, line 2: ' in said and 'did you mean' in said
+
+
+def test_a_text_that_looks_like_a_number_is_one_unless_in_quotes():
+    assert load_yaml('[9.6e9, "9.6e9", 1e-3]') == [9.6e9, '9.6e9', 1e-3]
+    assert load_yaml(yaml.safe_dump(['9.6e9'])) == ['9.6e9']
 
 
 def test_all_yaml_is_read_in_one_place():

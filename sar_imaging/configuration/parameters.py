@@ -17,7 +17,7 @@ from ..files import naming
 from ..geometry.grids import MapGrid
 from ..names import advice_on
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
-from ..yaml_text import Loader, load_yaml, read_yaml
+from ..yaml_text import line_of, read_yaml
 from .antenna import antenna_of
 from .constraints import Finding
 from .settings import Acquisition, Imaging, Machine
@@ -154,7 +154,7 @@ def foreign(names: Iterable[str]) -> list[str]:
              if name not in OF_EVERY_NODE and not name.startswith('qos_overrides.')]
     if not names:
         return []
-    known = {name for _, values in _sections(load_tree(default_file())) for name in values}
+    known = {name for _, _, values in _sections(load_tree(default_file())) for name in values}
     return sorted(set(names) - known)
 
 
@@ -193,7 +193,7 @@ def read_configuration(path: Path | str, given: Mapping[str, object] = MappingPr
     60.0
     >>> for finding in configuration.findings:
     ...     print(finding.severity + ':', finding.text)
-    error: section 'backprojection' has grid.size_z, which no node reads; did you mean ...
+    error: line 5: section 'backprojection' has grid.size_z, which no node reads; did you mean ...
     """
     tree = load_tree(path)
     with naming(path, 'is no parameter file', ConfigurationFileError):
@@ -217,27 +217,31 @@ def interpret(tree, defaults, given: Mapping[str, object] = MappingProxyType({})
         The tree is no ROS parameter file.
     """
     known: dict[str, dict] = {}
-    for node, values in _sections(defaults):
-        known.setdefault(node, {}).update(values)
+    for node, _, values in _sections(defaults):
+        known.setdefault(node, {}).update({name: value for name, (value, _) in values.items()})
     common = known.pop(COMMON, {}) | known.pop(PIPELINE, {})
     nodes = {node: {**_common_of(node, common), **values} for node, values in known.items()}
     nodes.setdefault(CHECKER, dict(CHECKER_PARAMETERS))
     findings: list[Finding] = []
     described = False
-    for node, values in _sections(tree):
+    for node, line, values in _sections(tree):
         described |= node == CHECKER
         for_all = node in (COMMON, PIPELINE)
         if not for_all and node not in nodes:
-            findings.append(Finding('error', f'section {node!r} names no node; '
+            findings.append(Finding('error', f'{_at(line)}section {node!r} names no node; '
                                     + advice_on(node, [*nodes, PIPELINE, '/**'])))
             continue
         targets = nodes if for_all else {node: nodes[node]}
-        for name, value in values.items():
-            findings += _set(targets, f'section {node!r}', name, value)
+        for name, (value, at) in values.items():
+            findings += _set(targets, f'{_at(at)}section {node!r}', name, value)
     for name, value in given.items():
         findings += _set(nodes, 'argument -p', name, value)
     checker = nodes.pop(CHECKER)
     return Configuration(nodes, checker if described else {}, tuple(findings))
+
+
+def _at(line: int | None) -> str:
+    return '' if line is None else f'line {line}: '
 
 
 def _common_of(node: str, common: Mapping[str, object]) -> dict:
@@ -292,20 +296,6 @@ def _acquisition(v: Mapping) -> Acquisition:
         beamwidth_rad=math.radians(v['radar.beamwidth_deg']))
 
 
-class _Loader(Loader):
-    """Takes ``9.6e9`` for a number, as the parser of ROS does and YAML 1.1 does not."""
-
-
-_Loader.add_implicit_resolver('tag:yaml.org,2002:float',
-                              re.compile(r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$'),
-                              list('-+.0123456789'))
-
-
-def parse(text: str):
-    """Content of a YAML text."""
-    return load_yaml(text, _Loader)
-
-
 def load_tree(path: Path | str):
     """Content of a YAML file.
 
@@ -315,38 +305,38 @@ def load_tree(path: Path | str):
         It cannot be read.
     """
     try:
-        return read_yaml(path, _Loader)
+        return read_yaml(path)
     except ValueError as error:
         raise ConfigurationFileError(f'{error}') from error
 
 
-def _sections(tree) -> Iterator[tuple[str, dict]]:
-    """Name of the node, ``**`` for all, and parameters of every section."""
+def _sections(tree) -> Iterator[tuple[str, int | None, dict[str, tuple[object, int | None]]]]:
+    """Name of the node, ``**`` for all, and its line; value and line of its parameters."""
     if not isinstance(tree, dict) or not tree:
         raise ConfigurationFileError('a parameter file has sections such as '
                                      '/**/backprojection: with ros__parameters: below')
     for key, value in tree.items():
-        yield from _section(str(key), value)
+        yield from _section(str(key), value, line_of(tree, key))
 
 
-def _section(name: str, value) -> Iterator[tuple[str, dict]]:
+def _section(name: str, value, line: int | None):
     if not isinstance(value, dict) or not value:
         raise ConfigurationFileError(f'section {name!r} has no ros__parameters: below it')
     for key, content in value.items():
         if key == 'ros__parameters':
             if not isinstance(content, dict):
                 raise ConfigurationFileError(f'ros__parameters of {name!r} has no parameters')
-            yield name.strip('/').split('/')[-1], dict(_flatten(content))
+            yield name.strip('/').split('/')[-1], line, dict(_flatten(content))
         else:
-            yield from _section(f'{name}/{str(key).strip("/")}', content)
+            yield from _section(f'{name}/{str(key).strip("/")}', content, line_of(value, key))
 
 
-def _flatten(tree: Mapping, prefix: str = '') -> Iterator[tuple[str, object]]:
+def _flatten(tree: Mapping, prefix: str = '') -> Iterator[tuple[str, tuple[object, int | None]]]:
     for key, value in tree.items():
         if isinstance(value, dict):
             yield from _flatten(value, f'{prefix}{key}.')
         else:
-            yield f'{prefix}{key}', value
+            yield f'{prefix}{key}', (value, line_of(tree, key))
 
 
 def _set(targets: Mapping[str, dict], place: str, name: str, value) -> Iterator[Finding]:
@@ -366,7 +356,7 @@ def _set(targets: Mapping[str, dict], place: str, name: str, value) -> Iterator[
         if type(value) is not kind or not _is_finite(value):
             words = {float: 'a number such as 1.0e+9', int: 'a whole number', str: 'a text',
                      bool: 'true or false', list: 'a list of numbers'}[kind]
-            yield Finding('error', f'{place}: {name}={value!r}; expected {words}')
+            yield Finding('error', f'{place}: {name}: expected {words}, got {value!r}')
             return
         if kind is list and len({type(v) for v in value}) > 1:
             yield Finding('error', f'{place}: {name}={value!r} mixes whole numbers '

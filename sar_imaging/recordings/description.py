@@ -5,6 +5,7 @@ Every number may be given as the name of a variable of the data file instead.
 
 from __future__ import annotations
 
+import copy
 import difflib
 import importlib.resources
 from collections.abc import Callable, Mapping
@@ -13,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ..names import advice_on
-from ..yaml_text import read_yaml
+from ..yaml_text import line_of, read_yaml
 
 # All sections and their keys; docs/loading.md explains each.
 SECTIONS = ('name', 'description', 'notes', 'samples', 'radar', 'times', 'positions', 'poses',
@@ -33,7 +34,7 @@ class DescriptionError(ValueError):
     ...     read_description('wrong.yaml')
     ... except DescriptionError as error:
     ...     print(error)
-    wrong.yaml: unknown key radio; did you mean radar?
+    wrong.yaml, line 1: unknown key radio; did you mean radar?
     """
 
 
@@ -52,6 +53,8 @@ class Section:
         The file, for messages.
     variable : callable, optional
         Gives the array of a variable of the data by its name.
+    line : int, optional
+        Where the part stands in the file.
 
     Raises
     ------
@@ -60,38 +63,46 @@ class Section:
     """
 
     def __init__(self, values, name: str, known, origin: str,
-                 variable: Callable[[str], np.ndarray] | None = None):
-        self._name, self._origin, self._variable = name, origin, variable
+                 variable: Callable[[str], np.ndarray] | None = None, line: int | None = None):
+        self._name, self._origin, self._variable, self._line = name, origin, variable, line
+        self._values = values
         if not isinstance(values, Mapping):
-            raise DescriptionError(f'{origin}: {name or "the file"}: expected keys with values '
-                                   f'({", ".join(known)}), got {values!r}')
-        self._values = dict(values)
-        for key in self._values:
+            raise DescriptionError(f'{self._place()}: {name or "the file"}: expected keys with '
+                                   f'values ({", ".join(known)}), got {values!r}')
+        for key in values:
             if key not in known:
-                raise DescriptionError(f'{origin}: unknown key {self._path(key)}; '
+                raise DescriptionError(f'{self._place(key)}: unknown key {self._path(key)}; '
                                        f'{advice_on(key, known)}')
 
     def _path(self, key) -> str:
         return f'{self._name}.{key}' if self._name else str(key)
+
+    def _place(self, key: str | None = None) -> str:
+        """File and line of a key, of the part where it lacks."""
+        line = line_of(self._values, key) or self._line
+        return self._origin if line is None else f'{self._origin}, line {line}'
 
     def __contains__(self, key: str) -> bool:
         return key in self._values
 
     def with_variables(self, variable: Callable[[str], np.ndarray]) -> Section:
         """The same keys, whose texts may name variables."""
-        return Section(self._values, self._name, tuple(self._values), self._origin, variable)
+        return Section(self._values, self._name, tuple(self._values), self._origin, variable,
+                       self._line)
 
     def with_defaults(self, values: Mapping[str, object]) -> Section:
         """The same with values for keys that are not given."""
-        merged = {**values, **self._values}
-        return Section(merged, self._name, tuple(merged), self._origin, self._variable)
+        merged = copy.copy(self._values)
+        for key, value in values.items():
+            merged.setdefault(key, value)
+        return Section(merged, self._name, tuple(merged), self._origin, self._variable, self._line)
 
     def raw(self, key: str, default=_REQUIRED, meaning: str = ''):
         """Value as YAML has it."""
         if key in self._values:
             return self._values[key]
         if default is _REQUIRED:
-            raise DescriptionError(f'{self._origin}: {self._path(key)} is missing; add it'
+            raise DescriptionError(f'{self._place()}: {self._path(key)} is missing; add it'
                                    + (f': {meaning}' if meaning else ''))
         return default
 
@@ -99,7 +110,7 @@ class Section:
         """What to raise for a value that is not as expected."""
         value = repr(self._values.get(key))
         return DescriptionError(
-            f'{self._origin}: {self._path(key)}: expected {expected}, got '
+            f'{self._place(key)}: {self._path(key)}: expected {expected}, got '
             f'{value if len(value) < 80 else value[:77] + "..."}' + (f'; {advice}' if advice
                                                                       else ''))
 
@@ -136,7 +147,7 @@ class Section:
         try:
             if np.array(value).dtype.kind in 'bc':
                 raise TypeError
-            # YAML takes 1e-9 for a text (1.0e-9 is a number); people write both.
+            # People put numbers in quotes, too.
             out = np.array(value, np.float64)
         except (TypeError, ValueError, OverflowError):
             raise self.error(key, 'numbers, or the name of a variable that holds them') from None
@@ -196,7 +207,8 @@ class Section:
 
     def section(self, key: str, known) -> Section:
         """Part below a key; without keys where it is absent."""
-        return Section(self.raw(key, {}), self._path(key), known, self._origin, self._variable)
+        return Section(self.raw(key, {}), self._path(key), known, self._origin, self._variable,
+                       line_of(self._values, key))
 
 
 def _number(text: str) -> float | None:
@@ -251,6 +263,7 @@ def _change(tree, path: str, value) -> None:
     if not isinstance(tree, dict):
         raise DescriptionError(f'{path}={value!r} cannot be set: {".".join(parents)} has no keys')
     tree[last] = value
+    getattr(tree, 'lines', {}).pop(last, None)  # it does not stand in the file
 
 
 def shipped_names() -> list[str]:

@@ -170,7 +170,7 @@ class ChannelCalibration:
             raise CalibrationError(f'calibration {path}: expected the lists {", ".join(_FIELDS)} '
                                    'and nothing else')
         try:
-            # YAML takes 1e-9 for a text (1.0e-9 is a number); people write both.
+            # People put numbers in quotes, too.
             amplitude, phase_deg, delay_s = (_numbers(values[name]) for name in _FIELDS)
             return cls(amplitude, np.radians(phase_deg), delay_s)
         except (TypeError, ValueError) as error:

@@ -17,7 +17,6 @@ from sar_imaging.configuration.derived import Derived, derive
 from sar_imaging.configuration.parameters import (
     CHECKER,
     Configuration,
-    parse,
     read_configuration,
 )
 from sar_imaging.configuration.positions import check_positions, position_rows
@@ -29,6 +28,7 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.image import error_in_words
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.yaml_text import load_yaml
 
 from .ending import run_command
 from .launching import named_config
@@ -71,7 +71,7 @@ def _given(text: str) -> tuple[str, object]:
     name, separator, value = text.partition(':=')
     if not (separator and name):
         raise argparse.ArgumentTypeError(f'{text} is no NAME:=VALUE, such as mode:=volume')
-    return name, parse(value)
+    return name, load_yaml(value)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

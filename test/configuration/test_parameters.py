@@ -13,11 +13,11 @@ from sar_imaging.configuration.parameters import (
     ConfigurationFileError,
     default_file,
     interpret,
-    parse,
     read_configuration,
 )
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, Waveform
+from sar_imaging.yaml_text import load_yaml
 
 DEFAULTS = yaml.safe_load(default_file().read_text())
 RADAR = """
@@ -32,7 +32,7 @@ RADAR = """
 
 
 def read(text):
-    return interpret(parse(text), DEFAULTS)
+    return interpret(load_yaml(text), DEFAULTS)
 
 
 def errors(text):
@@ -89,7 +89,7 @@ def test_numbers_as_ros_takes_them(number):
 
 @pytest.mark.parametrize('text', ['e9', '1e', '9.6e9x', "'9.6e9'", '1e9.5'])
 def test_texts_stay_texts(text):
-    assert isinstance(parse(text), str)
+    assert isinstance(load_yaml(text), str)
 
 
 def test_an_fmcw_ramp_sweeps_its_bandwidth_with_its_samples():
@@ -143,28 +143,32 @@ def test_lists_of_numbers():
     assert found([1, 2.5, 3]) == ["section '**': antenna.tx=[1, 2.5, 3] mixes whole numbers and "
                                   'others, which ROS refuses; write all of them with a point']
     for value in ([1.0, '2'], [float('inf')], 3.0, '[1.0]'):
-        assert found(value) == [f"section '**': antenna.tx={value!r}; expected a list of numbers"]
+        said = f"section '**': antenna.tx: expected a list of numbers, got {value!r}"
+        assert found(value) == [said]
 
 
 @pytest.mark.parametrize(('text', 'expected'), [
     ('/**/backprojektion:\n  ros__parameters: {target_db: -60.0}',
-     "section 'backprojektion' names no node; did you mean backprojection?"),
+     "line 1: section 'backprojektion' names no node; did you mean backprojection?"),
     ('/**/backprojection:\n  ros__parameters: {grid: {spaceing: 0.1}}',
-     "section 'backprojection' has grid.spaceing, which no node reads; did you mean "
+     "line 2: section 'backprojection' has grid.spaceing, which no node reads; did you mean "
      'grid.spacing?'),
     ('/**:\n  ros__parameters: {puls_per_aperture: 64}',
-     "section '**' has puls_per_aperture, which no node reads; did you mean "
+     "line 2: section '**' has puls_per_aperture, which no node reads; did you mean "
      'pulses_per_aperture?'),
     ('/**/backprojection:\n  ros__parameters: {target_db: eighty}',
-     "section 'backprojection': target_db='eighty'; expected a number such as 1.0e+9"),
+     "line 2: section 'backprojection': target_db: expected a number such as 1.0e+9, got "
+     "'eighty'"),
     (RADAR.replace('9.6e+9', '9.6 GHz'),
-     "section 'check_config': radar.carrier_hz='9.6 GHz'; expected a number such as 1.0e+9"),
+     "line 4: section 'check_config': radar.carrier_hz: expected a number such as 1.0e+9, got "
+     "'9.6 GHz'"),
     ('/**:\n  ros__parameters: {pulses_per_aperture: 64.0}',
-     "section '**': pulses_per_aperture=64.0; expected a whole number"),
-    ('/**:\n  ros__parameters: {autostart: 1}', "section '**': autostart=1; expected true or "
-     'false'),
+     "line 2: section '**': pulses_per_aperture: expected a whole number, got 64.0"),
+    ('/**:\n  ros__parameters: {autostart: 1}', "line 2: section '**': autostart: "
+     'expected true or false, got 1'),
     ('/**/range_compression:\n  ros__parameters: {oversampling: .nan}',
-     "section 'range_compression': oversampling=nan; expected a number such as 1.0e+9"),
+     "line 2: section 'range_compression': oversampling: expected a number such as 1.0e+9, got "
+     'nan'),
 ])
 def test_what_no_node_would_take(text, expected):
     assert errors(text)[:1] == [expected]

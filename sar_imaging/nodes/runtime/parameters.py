@@ -24,7 +24,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from ...backends import AUTO, CUDA, DeviceError, backend
-from ...configuration.parameters import parse
+from ...yaml_text import load_yaml
 
 # When a parameter may change.
 START = 'start'  # never after the start of the process
@@ -166,7 +166,7 @@ def command_line_parameters(arguments: Sequence[str]) -> list[RosParameter]:
             name, _, text = word.partition(':=')
             with contextlib.suppress(yaml.YAMLError, TypeError, ValueError):
                 if ':' not in name:
-                    found[name] = RosParameter(name, value=parse(text))
+                    found[name] = RosParameter(name, value=load_yaml(text))
     return list(found.values())
 
 

@@ -13,10 +13,10 @@ from sar_imaging.configuration.parameters import (
     default_file,
     interpret,
     load_tree,
-    parse,
     read_configuration,
 )
 from sar_imaging.configuration.positions import check_positions
+from sar_imaging.yaml_text import load_yaml
 
 from ..launching import configured_mode, find_config
 from ..node_processes import (
@@ -161,7 +161,7 @@ def _check_file(path: Path) -> None:
 def _check_values(values: Sequence[tuple[str, str]]) -> None:
     for name, text in values:
         try:
-            value = parse(text)
+            value = load_yaml(text)
         except yaml.YAMLError as error:
             raise LaunchError(f'-p {name}:={text} is no YAML value') from error
         tree = {'/**': {'ros__parameters': {name: value}}}
