@@ -59,7 +59,7 @@ def test_an_impossible_configuration_ends_with_one(run):
 @pytest.mark.parametrize(('given', 'expected'), [
     ('mode:=volume', 'volume.height=0 in mode volume'),
     ('modus:=volume', 'argument -p has modus, which no node reads; did you mean mode?'),
-    ('target_db:=low', "argument -p: target_db='low'; expected a number")])
+    ('target_db:=low', "argument -p: target_db: expected a number such as 1.0e+9, got 'low'")])
 def test_values_besides_the_file_are_checked(run, given, expected):
     code, _, err = run(options=['-p', given])
     assert code == 1 and expected in err

@@ -72,7 +72,7 @@ def test_the_mode_is_that_asked_for_last(tmp_path, options, mode, names):
 
 @pytest.mark.parametrize(('options', 'reason'), [
     (['-p', 'grid.spaceing:=0.1'], '-p grid.spaceing:=0.1: .* did you mean grid.spacing'),
-    (['-p', 'grid.spacing:=wide'], "grid.spacing='wide'; expected a number"),
+    (['-p', 'grid.spacing:=wide'], 'grid.spacing: expected a number such as'),
     (['-p', 'mode:=[image'], 'is no YAML value'),
     (['--config', 'nowhere'], 'config:=nowhere is no file; shipped are airborne_x_band'),
     (['-p', 'mode:=volume'], 'publishes points of a volume, .* give --mode image'),
