@@ -6,6 +6,7 @@ from hypothesis import given, settings, strategies as st
 from sar_imaging.backends.cpu.beams import (
     STORED,
     TILE,
+    BeamPlaces,
     _expand_weights,
     interpolate_beams,
     summed_cells,
@@ -67,10 +68,10 @@ def test_lines_away_from_the_middle(seed, n_beams, n_lines, n_pixels, segment, b
     work = np.empty(numba.get_num_threads() * work_size(segment), np.float32)
     zero_cycles, jobs = rng.random(), job_counter()
     interpolate_beams(
-        beams.reshape(-1), (n_beams, n_cells + TILE, n_lines, n_pixels, segment), lines, centre,
-        track, np.array([range_m, cell_m, cell_m]), np.array([first, spacing]), 2 / wavelength_m,
-        zero_cycles, np.array([curvature, bend]), _table(BETWEEN), _table(ALONG), index,
-        image.reshape(-1), work, jobs.ctypes.data, None, 0)
+        beams.reshape(-1), (n_beams, n_cells + TILE, n_lines, n_pixels, segment), lines,
+        BeamPlaces(centre, track, np.array([range_m, cell_m, cell_m]), np.array([first, spacing]),
+                   2 / wavelength_m, zero_cycles, np.array([curvature, bend])),
+        _table(BETWEEN), _table(ALONG), index, image.reshape(-1), work, jobs.ctypes.data, None, 0)
 
     points = centre + (start_m + cell_m * np.arange(n_pixels))[None, :, None] * away[:, None]
     beam_image = reference.BeamImage(

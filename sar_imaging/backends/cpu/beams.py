@@ -732,9 +732,33 @@ def work_size(segment: int) -> int:
     return 6 * STORED + 8 * summed_cells(segment)
 
 
+class BeamPlaces(NamedTuple):
+    """Where beams and their cells are, as `interpolate_beams` takes it.
+
+    Parameters
+    ----------
+    centre, track : (3,), (2,) float64
+        Phase centre that the beams start from, metres, and the direction of the axis.
+    range_m, direction : (3,), (2,) float64
+        Range of the first cell, spacing of cells and of pixels, metres; direction cosine of the
+        first beam, spacing of beams.
+    cycles_per_m, zero_cycles : float
+        Carrier phase per metre of half path, and that of no half path, cycles.
+    curvature : (2,) float64
+        Of the beams, 1/m, and what its differences count between neighbouring beams, m.
+    """
+
+    centre: np.ndarray
+    track: np.ndarray
+    range_m: np.ndarray
+    direction: np.ndarray
+    cycles_per_m: float
+    zero_cycles: float
+    curvature: np.ndarray
+
+
 @njit(parallel=True, fastmath=DETERMINISTIC)
-def interpolate_beams(beams, shape, lines, centre, track, range_m, direction, cycles_per_m,
-                      zero_cycles, curvature, between, along, index, image, work, jobs, lit,
+def interpolate_beams(beams, shape, lines, geometry, between, along, index, image, work, jobs, lit,
                       lit_apart):
     """Interpolate beams to the lines of a polar image at range baseband.
 
@@ -755,15 +779,8 @@ def interpolate_beams(beams, shape, lines, centre, track, range_m, direction, cy
         pixels and those of a segment. `TILE` cells are to spare.
     lines : (S, n_lines, 12) float64
         From `lines.segment_middles`.
-    centre, track : (3,), (2,) float64
-        Phase centre that the beams start from, metres, and the direction of the axis.
-    range_m, direction : (3,), (2,) float64
-        Range of the first cell, spacing of cells and of pixels, metres; direction cosine of the
-        first beam, spacing of beams.
-    cycles_per_m, zero_cycles : float
-        Carrier phase per metre of half path, and that of no half path, cycles.
-    curvature : (2,) float64
-        Of the beams, 1/m, and what its differences count between neighbouring beams, m.
+    geometry : BeamPlaces
+        Where the beams are.
     between, along : (DEGREE + 1, STORED) float32
         Weights of the interpolation between beams and along range; zero beyond their taps.
     index : (summed_cells(segment),) float32
@@ -777,6 +794,7 @@ def interpolate_beams(beams, shape, lines, centre, track, range_m, direction, cy
     lit_apart : int
         Segments between its knots.
     """
+    centre, track, range_m, direction, cycles_per_m, zero_cycles, curvature = geometry
     n_beams, n_cells, n_lines, n_pixels, segment = shape
     n_mixed = len(index)
     size = 6 * STORED + 8 * n_mixed
@@ -971,12 +989,13 @@ class BeamformedSubaperture:
         work, jobs = self._buffer('read', (size,), np.float32), job_counter()
         interpolate_beams(
             beams.reshape(-1).view(np.float32), (*beams.shape, *image.shape[1:], segment),
-            self._lines, geometry.centre_m, np.array(polar.track),
-            np.array([self._range_start_m, self._lattice.cell_m, polar.range_spacing_m]),
-            np.array([start, spacing]), cycles_per_m, -cycles_per_m * source.phase_range_m,
-            np.array([1 / geometry.range_m, bend]), _table(sampling.between.interpolator),
-            _table(sampling.along), index, image.reshape(-1), work,
-            jobs.ctypes.data, lit, self._lit_apart)
+            self._lines, BeamPlaces(
+                geometry.centre_m, np.array(polar.track),
+                np.array([self._range_start_m, self._lattice.cell_m, polar.range_spacing_m]),
+                np.array([start, spacing]), cycles_per_m, -cycles_per_m * source.phase_range_m,
+                np.array([1 / geometry.range_m, bend])),
+            _table(sampling.between.interpolator), _table(sampling.along), index,
+            image.reshape(-1), work, jobs.ctypes.data, lit, self._lit_apart)
 
 
 def _uncrowded(n_cells: int) -> int:

@@ -11,6 +11,7 @@ before it becomes float32.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -81,10 +82,10 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
     segment = lattice.segment
     groups, segments = layers[0][0].shape[:2]
     tasks = min(groups * segments, _TASKS_PER_THREAD * numba.get_num_threads())
-    work = np.empty((2, tasks * LINES * segment), np.float32)
-    paths = np.empty((tasks, 8, LINES))
-    coefficients = np.empty((tasks, 14 if lit is None else 18, LINES), np.float32)
-    base = np.empty((tasks, LINES), np.int64)
+    work = LineWork(*np.empty((2, tasks * LINES * segment), np.float32),
+                    np.empty((tasks, 8, LINES)),
+                    np.empty((tasks, 14 if lit is None else 18, LINES), np.float32),
+                    np.empty((tasks, LINES), np.int64))
     index = np.arange(segment, dtype=np.float32) - segment // 2
     ramp = np.concatenate([ramp.real, ramp.imag])
     for echoes in profiles.chunks(len(samples)):
@@ -94,12 +95,44 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
         repeats[:, 1] = (tx == rx).all(axis=1)
         planes = profiles.planes(samples[echoes])
         shape = (planes.shape[0], planes.shape[1], planes.shape[3])
+        some = LineProfiles(planes.reshape(-1), shape, profiles.range_at(segment), lattice.step_m,
+                            profiles.cycles_per_step, profiles.cycles_at(segment))
         for number, (lines, layout) in enumerate(layers):
-            amplitudes = (None,) * 5 if lit is None else lit[number].amplitudes(echoes)
-            _project_lines(planes.reshape(-1), shape, tx, rx, repeats, lines,
-                           profiles.range_at(segment), lattice.step_m, profiles.cycles_per_step,
-                           profiles.cycles_at(segment), ramp, image, layout, index, work[0],
-                           work[1], paths, coefficients, base, *amplitudes)
+            _project_lines(some, tx, rx, repeats, lines, ramp, image, layout, index, work,
+                           None if lit is None else lit[number].amplitudes(echoes))
+
+
+class LineProfiles(NamedTuple):
+    """Profiles of some echoes as the compiled loop over lines takes them.
+
+    Parameters
+    ----------
+    planes : (R * D * 10 * n,) float32
+        Coefficients of `Profiles.planes`.
+    shape : three of int
+        Echoes R, places D of positions within a cell, and cells n.
+    range_zero_m, step_m : float
+        Half path at the first position after a segment of zeros, and from position to position.
+    cycles_per_step, cycles_zero : float
+        Phase of the carrier from position to position, and at that first one.
+    """
+
+    planes: np.ndarray
+    shape: tuple[int, int, int]
+    range_zero_m: float
+    step_m: float
+    cycles_per_step: float
+    cycles_zero: float
+
+
+class LineWork(NamedTuple):
+    """Arrays that the tasks of the compiled loop work in."""
+
+    real: np.ndarray
+    imag: np.ndarray
+    paths: np.ndarray
+    coefficients: np.ndarray
+    base: np.ndarray
 
 
 @njit(inline='always')
@@ -130,21 +163,22 @@ def _line_paths(lines, group, number, centres, echo, paths, task, first):
 
 
 @njit(parallel=True)
-def _project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycles_per_step,
-                   cycles_zero, ramp, image, layout, index, work_re, work_im, paths, coefficients,
-                   base, lit, any_lit, amplitude, knot, between):
+def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index, work, light):
     """Tasks take segments of `LINES` lines.
 
     `repeats` is 1 where an echo's transmitter is that of the echo before, and where its receiver
-    is its transmitter. Half path and carrier phase are told at the first position of `planes`
-    after a segment of zeros. `index` counts the pixels of a segment from its middle. The last five
-    are those of `LitTiles.amplitudes`, or None where all pixels are lit alike.
+    is its transmitter. `index` counts the pixels of a segment from its middle. `light` is what
+    `LitTiles.amplitudes` gives, or None where all pixels are lit alike.
 
     Numba tells the compiler that the arrays of a parallel loop do not overlap only while the loop
     takes no view of one and has no boolean variable (which it counts as a view); without that,
     tests for overlap before each short loop double the time. `numba.config.DEBUG_ARRAY_OPT`
     prints 'No aliases found' when all is well.
     """
+    planes, shape, range_zero, step, cycles_per_step, cycles_zero = profiles
+    work_re, work_im, paths, coefficients, base = work
+    if light is not None:
+        lit, any_lit, amplitude, knot, between = light
     n_echoes, n_phases, n_cells = shape
     segment = len(index)
     n_lines, n_pixels, after = layout[0], len(ramp) // 2, np.uint64(len(ramp) // 2)
@@ -160,7 +194,7 @@ def _project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycl
         for piece in range(task * n_pieces // n_tasks, (task + 1) * n_pieces // n_tasks):
             number, group = piece // n_groups, piece % n_groups
             latest = -1
-            if lit is not None:
+            if light is not None:
                 if any_lit[piece % n_groups, piece // n_groups] == 0:
                     continue
             count = min(LINES, n_lines - group * LINES)
@@ -176,7 +210,7 @@ def _project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycl
             for echo in range(n_echoes):
                 # Channels often share their transmitter, and radars with one antenna both.
                 same = repeats[echo, 0]
-                if lit is not None:
+                if light is not None:
                     if lit[echo, group, number] == 0:
                         continue
                     if latest != echo - 1:
@@ -203,12 +237,12 @@ def _project_lines(planes, shape, tx, rx, repeats, lines, range_zero, step, cycl
                     base[task, j] = np.int64(phase * (1.0 * _PLANES) * n_cells + cell + half)
                 for j in range(LINES):
                     _expand_phasor(coefficients, task, j, turns, half)
-                if lit is not None:
+                if light is not None:
                     _weigh_phasors(coefficients, task, half, amplitude, echo, group, number, knot,
                                    between)
                 offset = echo * n_phases * _PLANES * n_cells
                 for j in range(count):
-                    if lit is not None:
+                    if light is not None:
                         if coefficients[task, 17, j] == 0.0:
                             continue
                     k0, k1 = coefficients[task, 0, j], coefficients[task, 1, j]
