@@ -30,11 +30,14 @@ class Mapping(dict):
     ----------
     lines : dict
         Number of the line, from 1, of each key, and of each item of a list by key and index.
+    written : dict
+        What stands there for each value that is neither a mapping nor a list, by the same keys.
     """
 
     def __init__(self, *arguments, **keywords):
         super().__init__(*arguments, **keywords)
         self.lines: dict = {}
+        self.written: dict = {}
 
 
 def line_of(mapping: object, key: object) -> int | None:
@@ -48,6 +51,11 @@ def line_of(mapping: object, key: object) -> int | None:
         The key, or a tuple of it and the index of an item of its list.
     """
     return getattr(mapping, 'lines', {}).get(key)
+
+
+def place(origin: object, line: int | None) -> str:
+    """Where something stands, for errors: ``'radar.yaml, line 7'``; `origin` without a line."""
+    return f'{origin}' if line is None else f'{origin}, line {line}'
 
 
 class Loader(yaml.SafeLoader):
@@ -82,10 +90,16 @@ def _mapping(loader: Loader, node: yaml.MappingNode):
     content.update(loader.construct_mapping(node))
     for key_node, value in node.value:
         key = loader.construct_object(key_node)
-        content.lines[key] = key_node.start_mark.line + 1
+        _note(content, key, key_node, value)
         if isinstance(value, yaml.SequenceNode):
             for index, item in enumerate(value.value):
-                content.lines[key, index] = item.start_mark.line + 1
+                _note(content, (key, index), item, item)
+
+
+def _note(content: Mapping, at: object, first: yaml.Node, value: yaml.Node) -> None:
+    content.lines[at] = first.start_mark.line + 1
+    if isinstance(value, yaml.ScalarNode):
+        content.written[at] = value.value
 
 
 Loader.add_constructor('tag:yaml.org,2002:map', _mapping)
@@ -167,12 +181,20 @@ def read_yaml(path: Path | str, *, most_bytes: int = MOST_TEXT_BYTES):
     try:
         return load_yaml(read_text(path, most_bytes))
     except yaml.YAMLError as error:
-        raise ValueError(f'{path!s} is no YAML: {trouble(error)}') from error
+        mark = getattr(error, 'problem_mark', None)
+        what = '' if isinstance(error, RepeatedKeyError) else 'it is no YAML: '
+        raise ValueError(f'{place(path, mark and mark.line + 1)}: {what}{_reason(error)}'
+                         ) from error
 
 
 def trouble(error: yaml.YAMLError) -> str:
     """Line and reason of an error, in one line, without what else the text holds."""
     mark = getattr(error, 'problem_mark', None)
-    where = '' if mark is None else f'line {mark.line + 1}: '
-    problem = getattr(error, 'problem', None) or 'it cannot be parsed'
-    return where + ' '.join(str(problem).split())
+    return ('' if mark is None else f'line {mark.line + 1}: ') + _reason(error)
+
+
+def _reason(error: yaml.YAMLError) -> str:
+    if isinstance(error, yaml.reader.ReaderError):
+        return (f'character {error.position + 1} is {error.character:#04x}, which no text has; '
+                'remove it')
+    return ' '.join(str(getattr(error, 'problem', None) or 'it cannot be parsed').split())

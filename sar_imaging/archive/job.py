@@ -16,14 +16,13 @@ from pathlib import Path
 import yaml
 
 from ..backends import AUTO
-from ..files import check_file
 from ..formats import MissingExtraError, require
 from ..geometry.earth import Datum
 from ..imaging.methods import METHODS
 from ..names import advice_on
 from ..radiometry import QUANTITIES, RadarConstant
 from ..signal.windows import parse_window
-from ..yaml_text import Loader, RepeatedKeyError, trouble
+from ..yaml_text import line_of, place, read_yaml
 
 IMAGE_FORMATS = ('geotiff', 'sicd')
 SURFACES = ('plane', 'ellipsoid')
@@ -164,12 +163,6 @@ class Job:
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-_MOST_BYTES = 10**6
-_NULL = 'tag:yaml.org,2002:null'
-_TEXT = 'tag:yaml.org,2002:str'
-_TRUTHS = {'true': True, 'yes': True, 'on': True, 'false': False, 'no': False, 'off': False}
-
-
 @dataclasses.dataclass(frozen=True)
 class Value:
     """A value of a file, and where it stands.
@@ -180,32 +173,42 @@ class Value:
         File.
     key : str
         Its full name, such as ``'products.images'``.
-    node : yaml.Node
+    content : object
         What the file has.
+    parent : yaml_text.Mapping or None
+        What it stands in; None for the whole file.
+    at : object
+        Its key there, with its index where it is an item of a list.
     """
 
     path: Path
     key: str
-    node: yaml.Node
+    content: object
+    parent: object = None
+    at: object = None
 
     @property
-    def line(self) -> int:
-        """Number of its line, from 1."""
-        return self.node.start_mark.line + 1
+    def place(self) -> str:
+        """File and line."""
+        return place(self.path, line_of(self.parent, self.at))
 
     @property
     def said(self) -> str:
         """What came, for the message."""
-        if isinstance(self.node, yaml.MappingNode):
+        if isinstance(self.content, dict):
             return 'a mapping'
-        if isinstance(self.node, yaml.SequenceNode):
-            return f'a list of {len(self.node.value)}'
-        return 'nothing' if self.node.tag == _NULL else repr(self.node.value)
+        if isinstance(self.content, list):
+            return f'a list of {len(self.content)}'
+        return 'nothing' if self.content is None else repr(self.content)
 
     def error(self, expected: str, remedy: str) -> JobError:
         """The error that says what was expected instead."""
-        return JobError(f'{self.path}, line {self.line}: {self.key} is {self.said}; expected '
-                        f'{expected}; {remedy}')
+        return JobError(f'{self.place}: {self.key}: expected {expected}, got {self.said}; '
+                        f'{remedy}')
+
+    @property
+    def _written(self) -> str:
+        return self.parent.written[self.at]
 
     def text(self, expected: str, remedy: str) -> str:
         """It as text that is not empty.
@@ -215,10 +218,9 @@ class Value:
         JobError
             It is something else.
         """
-        if not (isinstance(self.node, yaml.ScalarNode) and self.node.tag != _NULL
-                and self.node.value.strip()):
+        if isinstance(self.content, dict | list | None) or not self._written.strip():
             raise self.error(expected, remedy)
-        return self.node.value
+        return self._written
 
     def number(self, low: float, high: float, unit: str, example: str, *,
                whole: bool = False) -> float:
@@ -228,13 +230,14 @@ class Value:
         name = self.key.rpartition('.')[2]
         item = name.endswith(']')  # of a list
         remedy = f'write for instance {example if item else f"{name}: {example}"}'
-        if not isinstance(self.node, yaml.ScalarNode) or self.node.style in ('"', "'"):
-            quoted = isinstance(self.node, yaml.ScalarNode)
-            raise self.error(expected, 'remove the quotes' if quoted else remedy)
+        if isinstance(self.content, dict | list | None):
+            raise self.error(expected, remedy)
         try:
-            value = float(self.node.value)  # also 2e9, which YAML 1.1 takes for text
+            value = float(self._written)
         except ValueError:
             raise self.error(expected, remedy) from None
+        if isinstance(self.content, str):
+            raise self.error(expected, 'remove the quotes')
         if not (math.isfinite(value) and low <= value <= high) or (whole and value % 1):
             raise self.error(expected, remedy)
         return int(value) if whole else value
@@ -251,17 +254,16 @@ class Value:
 
     def truth(self) -> bool:
         """It as true or false; raises JobError."""
-        word = self.node.value.lower() if isinstance(self.node, yaml.ScalarNode) else ''
-        if word not in _TRUTHS or self.node.tag == _TEXT:
+        if not isinstance(self.content, bool):
             raise self.error('true or false', 'write true or false, without quotes')
-        return _TRUTHS[word]
+        return self.content
 
     def items(self, expected: str, remedy: str) -> Iterator[Value]:
         """Its items, where it is a list; raises JobError."""
-        if not isinstance(self.node, yaml.SequenceNode):
+        if not isinstance(self.content, list):
             raise self.error(expected, remedy)
-        for number, node in enumerate(self.node.value):
-            yield Value(self.path, f'{self.key}[{number}]', node)
+        for number, item in enumerate(self.content):
+            yield Value(self.path, f'{self.key}[{number}]', item, self.parent, (self.at, number))
 
     def mapping(self, keys: Mapping[str, str], remedy: str, *,
                 needed: Sequence[str] = (), what: str = 'a mapping') -> dict[str, Value]:
@@ -283,23 +285,21 @@ class Value:
         JobError
             It is no mapping, or a key is unknown or lacks.
         """
-        if not isinstance(self.node, yaml.MappingNode):
+        if not isinstance(self.content, dict):
             raise self.error(f'a mapping with {", ".join(keys)}', remedy)
         found: dict[str, Value] = {}
-        for key_node, node in self.node.value:
-            name = key_node.value if isinstance(key_node, yaml.ScalarNode) else '?'
-            where = f'{self.path}, line {key_node.start_mark.line + 1}'
+        for name, content in self.content.items():
             full = f'{self.key}.{name}' if self.key else name
+            found[name] = Value(self.path, full, content, self.content, name)
             if name not in keys:
-                raise JobError(f'{where}: there is no key {full}; {advice_on(name, keys)}')
-            found[name] = Value(self.path, full, node)
+                raise JobError(f'{found[name].place}: unknown key {full}; {advice_on(name, keys)}')
         for name in needed:
             if name not in found:
                 raise self.error(f'{what} with {name}', remedy)
         return found
 
 
-def read_yaml(path: Path) -> Value:
+def _read(path: Path) -> Value:
     """The value of a whole file.
 
     Raises
@@ -308,32 +308,15 @@ def read_yaml(path: Path) -> Value:
         The file cannot be read, or is no YAML.
     """
     try:
-        check_file(path, _MOST_BYTES)
-        node = yaml.compose(path.read_text(encoding='utf-8'), Loader)
-    except UnicodeDecodeError as error:
-        raise JobError(f'{path} is no text (byte {error.start} is no UTF-8); expected a job file '
-                       'in YAML; name another file') from error
-    except (OSError, ValueError) as error:
-        raise JobError(f'{error}; expected a job file in YAML; name another file') from error
-    except RepeatedKeyError as error:
-        raise JobError(f'{path}, {trouble(error)}') from error
-    except yaml.YAMLError as error:
-        raise JobError(f'{path}{_trouble(error)}') from error
-    if node is None:
+        content = read_yaml(path)
+    except ValueError as error:
+        remedy = ('expected YAML, lines of "key: value"; correct this line or the one before it'
+                  if isinstance(error.__cause__, yaml.YAMLError) else
+                  'expected a job file in YAML; name another file')
+        raise JobError(f'{error}; {remedy}') from error
+    if content is None:
         raise JobError(f'{path} is empty; expected recordings, output and spacing_m; add them')
-    return Value(path, '', node)
-
-
-def _trouble(error: yaml.YAMLError) -> str:
-    """Where a text is no YAML, why, and what to do."""
-    expected = 'expected YAML, lines of "key: value"'
-    if isinstance(error, yaml.reader.ReaderError):
-        return (f': character {error.position + 1} is {error.character:#04x}, which no text has; '
-                f'{expected}; remove it, or name another file')
-    mark = getattr(error, 'problem_mark', None)
-    where = f', line {mark.line + 1}' if mark else ''
-    problem = ' '.join(str(getattr(error, 'problem', None) or error).split())
-    return f'{where}: {problem}; {expected}; correct this line or the one before it'
+    return Value(path, '', content)
 
 
 #: Keys of a job file, and an example of each.
@@ -387,7 +370,7 @@ def read_job(path: Path | str) -> Job:
     (0.5, 'auto', True)
     """
     path = Path(path)
-    whole = read_yaml(path)
+    whole = _read(path)
     given = whole.mapping(KEYS, 'write lines of "key: value"') if whole.said == 'a mapping' else {}
     if not given:
         raise JobError(f'{path} is {whole.said}; expected lines of "key: value"; write at least '
@@ -405,8 +388,8 @@ def read_job(path: Path | str) -> Job:
                                      for text in fields['recordings'])
         fields['output'] = base / Path(fields['output']).expanduser()
     except RuntimeError as error:  # ~ of a user that there is not
-        raise JobError(f'{path} has a path that begins with ~: {error}; write the path without '
-                       '~') from error
+        raise JobError(f'{path} has a path that begins with ~: {error}; expected a user that '
+                       'there is; write the path without ~') from error
     job = Job(**fields)
     _check_together(job, given)
     return job
@@ -476,7 +459,7 @@ def _area(value: Value) -> tuple[float, ...]:
     if len(corners) != 4:
         raise value.error(expected, remedy)
     if corners[0] >= corners[2] or corners[1] >= corners[3]:
-        raise JobError(f'{value.path}, line {value.line}: area_m begins at ({corners[0]:g}, '
+        raise JobError(f'{value.place}: area_m begins at ({corners[0]:g}, '
                        f'{corners[1]:g}) m and ends at ({corners[2]:g}, {corners[3]:g}) m; '
                        'expected the smallest x and y first; exchange the numbers')
     return corners
@@ -491,7 +474,7 @@ def _radiometry(value: Value) -> Brightness:
     try:
         constant = RadarConstant.load(value.path.absolute().parent / Path(written).expanduser())
     except (ValueError, RuntimeError) as error:
-        raise JobError(f'{value.path}, line {file.line}: {file.key}: '
+        raise JobError(f'{file.place}: {file.key}: '
                        f'{" ".join(str(error).split())}') from error
     noise = constant.noise_power
     return Brightness(quantity, constant.gain, noise if math.isfinite(noise) else None,
@@ -504,7 +487,7 @@ def _window(value: Value) -> str:
     try:
         parse_window(text)
     except ValueError as error:
-        raise JobError(f'{value.path}, line {value.line}: {value.key}: {error}') from error
+        raise JobError(f'{value.place}: {value.key}: {error}') from error
     return text
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ..names import advice_on
-from ..yaml_text import line_of, read_yaml
+from ..yaml_text import line_of, place, read_yaml
 
 # All sections and their keys; docs/loading.md explains each.
 SECTIONS = ('name', 'description', 'notes', 'samples', 'radar', 'times', 'positions', 'poses',
@@ -80,7 +80,7 @@ class Section:
     def _place(self, key: str | None = None) -> str:
         """File and line of a key, of the part where it lacks."""
         line = line_of(self._values, key) or self._line
-        return self._origin if line is None else f'{self._origin}, line {line}'
+        return place(self._origin, line)
 
     def __contains__(self, key: str) -> bool:
         return key in self._values

@@ -191,7 +191,7 @@ def test_files_that_cannot_be_read(tmp_path):
         read_configuration(tmp_path / 'missing.yaml')
     path = tmp_path / 'broken.yaml'
     path.write_text('a: [1, 2')
-    with pytest.raises(ConfigurationFileError, match='broken.yaml is no YAML'):
+    with pytest.raises(ConfigurationFileError, match='broken.yaml, line .*: it is no YAML'):
         read_configuration(path)
     path.write_bytes(b'\xff\xfe\xff')
     with pytest.raises(ConfigurationFileError, match='broken.yaml cannot be read'):

@@ -22,7 +22,7 @@ def described(tmp_path, text, **changes):
     ('sample: {}', 'unknown key sample; did you mean samples?'),
     ('quux: 1', 'unknown key quux; expected one of name, description'),
     ('- a', 'the file: expected keys with values'),
-    ('a: [', 'is no YAML: line 1: '),
+    ('a: [', 'line 1: it is no YAML: '),
     ('name: a\nsamples: {}\nname: b', 'line 3: the key name is given twice, first in line 1'),
     ('radar: {k: 1, k: 2}', 'line 1: the key k is given twice, first in line 1; keep one'),
     ('', 'the file: expected keys with values')])

@@ -114,7 +114,7 @@ def test_a_file_written_by_hand_is_read(tmp_path):
 
 
 @pytest.mark.parametrize(('text', 'message'), [
-    (None, 'cannot be read: No such file'), ('a: b\n{', 'is no YAML: line 2: '),
+    (None, 'cannot be read: No such file'), ('a: b\n{', 'line 2: it is no YAML: '),
     ('a', 'expected the lists'),
     ('amplitude: [1]\nphase_deg: [1]', 'expected the lists'),
     ('amplitude: 1\nphase_deg: [1]\ndelay_s: [1]', 'expected lists of numbers'),

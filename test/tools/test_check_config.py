@@ -79,7 +79,7 @@ def test_a_warning_is_no_failure(run):
     (('window: taylor:4:35', 'window: box'), "window='box' is unknown"),
     (('waveform: fmcw', 'waveform: sine'), "radar.waveform='sine' is unknown"),
     (('      prf_hz: 1600.0\n', ''), 'section check_config lacks radar.prf_hz'),
-    (('/**/check_config:', '/**/check_config'), 'my_radar.yaml is no YAML'),
+    (('/**/check_config:', '/**/check_config'), 'it is no YAML'),
 ])
 def test_errors_say_what_to_change(run, replacement, expected):
     code, _, err = run(replacement)
