@@ -104,6 +104,14 @@ def _brightness(told: Radiometry | None) -> dict[str, object]:
             f'{_OUR}noise_equivalent_db': noise if math.isfinite(noise) else None}
 
 
+def _errors(figures: list[dict]) -> dict[str, object]:
+    """Errors of the images that something is made of."""
+    predicted = [f['predicted_error_db'] for f in figures if f['predicted_error_db'] is not None]
+    return {f'{_OUR}predicted_error_db': max(predicted, default=None),
+            f'{_OUR}measured_error_db': error_db(figures),
+            f'{_OUR}checked_pixels': sum(f['n_checked'] for f in figures)}
+
+
 class _Items:
     """Makes items of a job."""
 
@@ -143,10 +151,7 @@ class _Items:
                     'phase': f'coherence/{pair}_phase.tif'})
 
     def _image(self, scan: ApertureScan):
-        figures = StoredImage.open(self._output, scan.name).figures(self._output)
-        radar = scan.radar
-        predicted = [f['predicted_error_db'] for f in figures
-                     if f['predicted_error_db'] is not None]
+        figures, radar = self._figures([scan]), scan.radar
         band = band_name(radar.carrier_hz)
         item = self._item(f'image-{scan.name}', 'image', [scan], {
             'sar:instrument_mode': 'spotlight', 'sar:product_type': 'SLC',
@@ -157,10 +162,7 @@ class _Items:
             f'{_OUR}aperture': scan.aperture, f'{_OUR}pulses': scan.n_pulses,
             f'{_OUR}channels': scan.n_channels,
             f'{_OUR}method': ', '.join(dict.fromkeys(f['method'] for f in figures)),
-            f'{_OUR}predicted_error_db': max(predicted, default=None),
-            f'{_OUR}measured_error_db': error_db(figures),
-            f'{_OUR}checked_pixels': sum(f['n_checked'] for f in figures),
-            **_brightness(scan.radiometry),
+            **_errors(figures), **_brightness(scan.radiometry),
             f'{_OUR}complete_pieces': [len(figures), len(scan.division.windows)],
             f'{_OUR}warnings': list(dict.fromkeys(
                 [*scan.warnings, *(text for f in figures for text in f['warnings'])]))})
@@ -172,18 +174,17 @@ class _Items:
                                 'sicd': f'images/{scan.name}.nitf'})
         return item
 
+    def _figures(self, scans: Iterable[ApertureScan]) -> list[dict]:
+        """What is known of the complete parts of some images."""
+        return [figures for scan in scans for figures in
+                StoredImage.open(self._output, scan.name).figures(self._output)]
+
     def _of_many(self, name: str, kind: str, scans: list[ApertureScan], assets):
         """Item of what was made of several images."""
-        figures = [f for scan in scans
-                   for f in StoredImage.open(self._output, scan.name).figures(self._output)]
-        predicted = [f['predicted_error_db'] for f in figures
-                     if f['predicted_error_db'] is not None]
         item = self._item(name, kind, scans, {
             f'{_OUR}apertures': len(scans), f'{_OUR}pulses': sum(s.n_pulses for s in scans),
             f'{_OUR}recordings': list(dict.fromkeys(scan.recording for scan in scans)),
-            f'{_OUR}predicted_error_db': max(predicted, default=None),
-            f'{_OUR}measured_error_db': error_db(figures),
-            f'{_OUR}checked_pixels': sum(f['n_checked'] for f in figures)})
+            **_errors(self._figures(scans))})
         for scan in scans:
             item.add_link(self.link('derived_from', f'image-{scan.name}.json',
                                     'application/geo+json'))
@@ -243,7 +244,7 @@ _PICTURE_PX = 1600  # of the longer side
 _SHOWN_LOSSES = 100
 
 
-def write_archive_report(output: Path, job: Job, losses: Sequence[Loss] = ()) -> tuple[str, ...]:
+def write_archive_report(output: Path, job: Job) -> tuple[str, ...]:
     """Draw the mosaic and write the report; returns the names of the files.
 
     Parameters
@@ -252,11 +253,9 @@ def write_archive_report(output: Path, job: Job, losses: Sequence[Loss] = ()) ->
         Folder of the job.
     job : Job
         The job.
-    losses : sequence of Loss
-        What is lost, with its reason, beside recordings that the scan could not read.
     """
     scans = all_scans(output)
-    told = [*(loss for scan in load_scans(output) for loss in scan.losses), *losses]
+    told = [loss for scan in load_scans(output) for loss in scan.losses]
     known = {loss.name for loss in told}
     incomplete = [scan for scan in scans if not _is_complete(output, scan)]
     told += [Loss(scan.name, scan.path, 'its image is not complete; summary.json tells why')

@@ -224,21 +224,6 @@ def planned_grid(job: Job, window: Window) -> Grid:
     return TerrainGrid(grid, job.height_m - drop)
 
 
-def surface_points(job: Job, points_m) -> np.ndarray:
-    """(N, 3) float64 points of the map's surface at (N, 2 or 3) x and y of its frame, metres.
-
-    On the ellipsoid they are those whose height is found below or above the plane, which is
-    exact to what the normal turns meanwhile.
-    """
-    points = np.array(points_m, np.float64)[:, :2]
-    points = np.column_stack([points, np.full(len(points), job.height_m)])
-    if job.surface == 'ellipsoid' and job.datum is not None:
-        latitude, longitude, _ = job.datum.to_geographic(points)
-        points[:, 2] = job.datum.from_geographic(
-            latitude, longitude, job.datum.height_m + job.height_m)[:, 2]
-    return points
-
-
 _MOST_PARTS = 4096  # of pulses or of windows
 _FEWEST_PULSES = 8  # of a sub-aperture
 _DEAR = 2.0  # times the least work
@@ -278,7 +263,8 @@ def divide_aperture(job: Job, pulses: Pulses, window: Window) -> Division:
         The geometry does not allow the method or the target.
     """
     found: list[Division] = []
-    for parts in _doubling(max(1, pulses.n_pulses // _FEWEST_PULSES)):
+    most = min(_MOST_PARTS, max(1, pulses.n_pulses // _FEWEST_PULSES))
+    for parts in (2**power for power in range(most.bit_length())):
         own = []
         for windows in _windows(window, job.tile):
             division = _division(job, pulses, windows, parts)
@@ -303,13 +289,6 @@ def divide_aperture(job: Job, pulses: Pulses, window: Window) -> Division:
 def _is_dear(division: Division, found: list[Division]) -> bool:
     """Whether a division takes much longer, all in all, than another one that fits."""
     return division.total_seconds > _DEAR * min(other.total_seconds for other in found)
-
-
-def _doubling(most: int) -> Iterator[int]:
-    number = 1
-    while number <= min(most, _MOST_PARTS):
-        yield number
-        number *= 2
 
 
 def _windows(window: Window, tile: int) -> Iterator[tuple[Window, ...]]:
@@ -364,17 +343,14 @@ def _too_large(job: Job, pulses: Pulses, window: Window) -> str:
     some = pulses.part(0, max(1, min(pulses.n_pulses, _FEWEST_PULSES)))
     largest = max(finest, key=lambda part: part.n_pixels)
     memory = job.memory_bytes
-    while memory < 1e15 and _fits(job, some, largest, memory) is None:
+    while memory < 1e15 and predict(dataclasses.replace(job, memory_bytes=memory), some,
+                                    largest) is None:
         memory *= 1.25
     rows, columns = largest.shape
     return (f'{columns} by {rows} pixels of {some.n_pulses} pulses take more than the '
             f'{job.memory_bytes / 1e9:.3g} GB of a worker, {PROCESS_BYTES / 1e9:g} GB of which it '
             f'needs itself; allow memory_gb: {memory / 1e9:.2g}, or take smaller tiles '
             f'(tile: {max(16, job.tile // 32 * 16)})')
-
-
-def _fits(job: Job, pulses: Pulses, window: Window, memory_bytes: float) -> Prediction | None:
-    return predict(dataclasses.replace(job, memory_bytes=memory_bytes), pulses, window)
 
 
 _SPARE = 1.05  # times the predicted size of the results, for records and pictures

@@ -74,7 +74,8 @@ class AperturePulses:
         self.counter, self.stamp_ns, self.tx_m, self.rx_m = (part[cut] for part in found)
         self.illumination, looks = scan.antenna(output)
         self._pointing = None if looks is None else looks.select(cut)
-        self._times_ns = _message_times(output / scan.centres, cut)
+        times = scan.message_times(output)[cut]
+        self._times_ns = (int(times.min()), int(times.max()) + 1) if len(times) else ()
         self._compressor = None if scan.compressed else RangeCompressor(scan.radar,
                                                                         scan.n_samples)
         self.radar, self.n_samples = (
@@ -153,13 +154,6 @@ class AperturePulses:
             if new.any():
                 missing[index[new]] = False
                 yield index[new], block if new.all() else block.select(new)
-
-
-def _message_times(path: Path, pulses: slice) -> tuple[int, int] | tuple[()]:
-    """When the first message with some pulses was recorded, and after the last; or nothing."""
-    with np.load(path) as file:
-        times = file['message_ns'][pulses] if 'message_ns' in file else ()
-    return (int(np.min(times)), int(np.max(times)) + 1) if len(times) else ()
 
 
 def _first_of_each(index: np.ndarray) -> np.ndarray:
@@ -441,7 +435,8 @@ def _summed(piece: SumPiece, parts: list[TiledArray], job: Job, output: Path) ->
     scale = _scale(piece, output)
     values = np.empty(len(checked.index), np.complex64)
     energy, n_pixels = 0.0, 0
-    for window in _rows_of_tiles(piece.window, job.tile):
+    for tile in piece.window.tiles(job.tile):
+        window = tile.intersection(piece.window)
         samples = parts[0].read(window) + parts[1].read(window)
         more, n = _energy(samples)
         energy, n_pixels = energy + more, n_pixels + n
@@ -459,13 +454,6 @@ def _summed(piece: SumPiece, parts: list[TiledArray], job: Job, output: Path) ->
         'warnings': list(dict.fromkeys(text for f in known for text in f['warnings']))}
     _finish(piece, output, checked, figures)
     return figures
-
-
-def _rows_of_tiles(window: Window, tile: int) -> Iterator[Window]:
-    for one in window.tiles(tile):
-        part = one.intersection(window)
-        if part is not None:
-            yield part
 
 
 def _pick(values: np.ndarray, index: np.ndarray, samples: np.ndarray, part: Window,

@@ -32,7 +32,7 @@ from ..recordings.pulse_source import (
     open_apertures,
     pointing_of,
 )
-from .division import Pulses, UndividableError, divide_aperture, surface_points
+from .division import Pulses, UndividableError, divide_aperture
 from .job import Job, JobError
 from .pieces import ArchiveDataError, PieceResult, ScanPiece
 from .scans import (
@@ -47,7 +47,7 @@ from .scans import (
     turned,
     write_scan,
 )
-from .windows import Window
+from .windows import Window, surface_points
 
 _MOST_CATALOGUE_BYTES = 2**26
 _BAG_FILES = ('.mcap', '.db3')

@@ -135,7 +135,8 @@ def make_archive(folder, flights, *, datum=DATUM, **job):
             block = dataclasses.replace(block, radar=radar)
             scan = _scan(name, path, number, block, middle, datum)
             np.savez(output / scan.centres, counter=block.counter.astype(np.int64),
-                     stamp_ns=block.stamp_ns, tx_m=block.tx_m, rx_m=block.rx_m)
+                     stamp_ns=block.stamp_ns, tx_m=block.tx_m, rx_m=block.rx_m,
+                     message_ns=np.zeros(0, np.int64))
             scans.append(scan)
             blocks[scan.name] = block
     for name in flights:

@@ -117,7 +117,8 @@ def test_pulses_that_are_gone_are_told(two_strips):
     scan = two_strips.scans[0]
     counter, stamp, tx, rx = scan.phase_centres(two_strips.output)
     counter[-1] += 5000
-    np.savez(two_strips.output / scan.centres, counter=counter, stamp_ns=stamp, tx_m=tx, rx_m=rx)
+    np.savez(two_strips.output / scan.centres, counter=counter, stamp_ns=stamp, tx_m=tx, rx_m=rx,
+             message_ns=np.zeros(0, np.int64))
     with pytest.raises(ArchiveDataError, match='has 47 of the 48 pulses.*it has changed'):
         two_strips.image(scan)
     assert not (two_strips.output / IMAGES).exists()

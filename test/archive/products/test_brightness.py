@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from benchmarks.support.radiometry_scenes import GAIN, Flight, rough_surface
-from sar_imaging.archive.division import Pulses, divide, surface_points
+from sar_imaging.archive.division import Pulses, divide
 from sar_imaging.archive.job import Brightness, Job, Products
 from sar_imaging.archive.provenance import check_mosaic
 from sar_imaging.archive.recordings import brightness_scale, scan_recording
 from sar_imaging.archive.scans import RecordingScan, load_scan, write_job, write_scan
 from sar_imaging.archive.storage import MOSAIC, image_array
-from sar_imaging.archive.windows import Window
+from sar_imaging.archive.windows import Window, surface_points
 from sar_imaging.archive.workflow import compute
 from sar_imaging.formats import read_sicd
 from sar_imaging.geometry.illumination import Antenna, Illumination, Pointing

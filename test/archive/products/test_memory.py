@@ -44,7 +44,7 @@ def long_recording(tmp_path):
         pulses_per_aperture=N_PULSES, n_pulses=N_PULSES, n_channels=1, cut_half_width_m=(5, 5),
         radar=scan.radar, compressed=True))
     blocks = list(noise(scan.radar))
-    np.savez(archive.output / 'scans' / 'long.npz', **{
+    np.savez(archive.output / 'scans' / 'long.npz', message_ns=np.zeros(0, np.int64), **{
         name: np.concatenate([getattr(block, name) for block in blocks])
         for name in ('counter', 'stamp_ns', 'tx_m', 'rx_m')})
     window = Window(-16, 16, -16, 16)
