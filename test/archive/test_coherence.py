@@ -15,7 +15,7 @@ from sar_imaging.exploitation.passes import compare_passes
 from sar_imaging.exploitation.passes.coherence import mean_sample, unbiased
 from sar_imaging.imaging.image import Image, Report
 
-from .conftest import fly, make_archive
+from .small_archive import fly, make_archive
 
 LEVELS = np.tanh(np.linspace(0.0, 5.0, 121))  # of the table that removes the bias
 

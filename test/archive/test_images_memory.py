@@ -17,7 +17,7 @@ from sar_imaging.recordings.bag_io import write_bag
 from sar_imaging.recordings.truth import make_truth
 from sar_imaging.signal import PulseBlock
 
-from .conftest import SPACING_M, START_NS, fly, make_archive
+from .small_archive import SPACING_M, START_NS, fly, make_archive
 
 N_PULSES, N_SAMPLES = 4000, 2048  # 66 MB
 

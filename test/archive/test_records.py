@@ -12,7 +12,7 @@ from sar_imaging.archive.records import OtherJobError, OutputInUseError, claim, 
 from sar_imaging.archive.scans import load_job
 from sar_imaging.geometry.earth import Datum
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 HOLDER = """
 import sys
 from pathlib import Path

@@ -7,15 +7,11 @@ import signal
 
 import pytest
 
+pytest.importorskip('distributed', reason='the extra archive is not installed')
+
 import sar_imaging
 from sar_imaging.archive import cluster
 from sar_imaging.archive.runner import WITH_LOSSES, run_piece, run_pieces
-
-
-@pytest.fixture
-def toys():
-    import archive_toys
-    return archive_toys
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 
 from sar_imaging.archive.job import KEYS, Job, read_job
 
-PAGE = pathlib.Path(__file__).parents[3] / 'docs/archive_jobs.md'
+PAGE = pathlib.Path(__file__).parents[2] / 'docs/archive_jobs.md'
 
 
 def _examples():

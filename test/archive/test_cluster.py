@@ -10,16 +10,12 @@ from pathlib import Path
 
 import pytest
 
+pytest.importorskip('distributed', reason='the extra archive is not installed')
+
 from sar_imaging.archive.cluster import ClusterError, open_cluster
 from sar_imaging.archive.runner import run_pieces
 
 NEXT_TO_THIS = Path(__file__).parent
-
-
-@pytest.fixture
-def toys(toys_are_importable):
-    import archive_toys
-    return archive_toys
 
 
 def refused(output, address, memory_bytes=None):

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import shutil
 
 import numpy as np
 import pytest
-
-pytest.importorskip('zarr', reason='the extra archive is not installed')
 
 from sar_imaging.archive.job import Job
 from sar_imaging.archive.pieces import ImagePiece, SumPiece, TilePiece
@@ -117,6 +114,7 @@ def _images(scans, tile):
 
 def make_archive(folder, flights, *, datum=DATUM, **job):
     """Archive of recordings by name: of each the blocks of its apertures, and their middles."""
+    pytest.importorskip('zarr', reason='the extra archive is not installed')
     output = folder / 'out'
     (output / 'scans').mkdir(parents=True)
     scans, blocks = [], {}
@@ -160,33 +158,3 @@ def _scan(recording, path, number, block, middle, datum):
         block.samples.nbytes,
         Division((window,), ((0, block.n_pulses),), 1.0, 1.0, 10**8, 'exact'),
         f'scans/{recording}_aperture-{number:03d}.npz')
-
-
-def _two_strips(folder):
-    return make_archive(folder, {
-        'flight-1': [(fly(0.0), 0.0), (fly(80.0, first_counter=N_PULSES), 80.0)],
-        'flight-2': [(fly(40.0, 520.0), 40.0),
-                     (fly(120.0, 520.0, first_counter=N_PULSES), 120.0)]})
-
-
-@pytest.fixture
-def two_strips(tmp_path):
-    """Two recordings of two apertures each; neighbours overlap."""
-    return _two_strips(tmp_path)
-
-
-@pytest.fixture(scope='session')
-def _imaged_once(tmp_path_factory):
-    archive = _two_strips(tmp_path_factory.mktemp('imaged'))
-    for scan in archive.scans:
-        archive.image(scan)
-    return archive
-
-
-@pytest.fixture
-def imaged(_imaged_once, tmp_path):
-    """Those of `two_strips` with the images of all apertures, in a folder of the test's own."""
-    output = tmp_path / 'out'
-    shutil.copytree(_imaged_once.output, output)
-    return dataclasses.replace(_imaged_once,
-                               job=dataclasses.replace(_imaged_once.job, output=output))

@@ -1,30 +1,79 @@
-"""Workers of this machine, shared by the tests of a module that do not break them for good."""
+"""Job files, a small archive, pieces that misbehave, and workers of this machine."""
 
+import dataclasses
 import os
+import shutil
 import subprocess
 import uuid
 from pathlib import Path
 
 import pytest
 
-pytest.importorskip('distributed', reason='Dask comes with the extra `archive`')
-
-from sar_imaging.archive.cluster import open_cluster
+from .small_archive import N_PULSES, fly, make_archive
 
 
-@pytest.fixture(scope='session', autouse=True)
+@pytest.fixture
+def job_file(tmp_path):
+    """Function that writes a job file, and returns its path."""
+    def write(text):
+        path = tmp_path / 'job.yaml'
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write
+
+
+def _two_strips(folder):
+    return make_archive(folder, {
+        'flight-1': [(fly(0.0), 0.0), (fly(80.0, first_counter=N_PULSES), 80.0)],
+        'flight-2': [(fly(40.0, 520.0), 40.0),
+                     (fly(120.0, 520.0, first_counter=N_PULSES), 120.0)]})
+
+
+@pytest.fixture
+def two_strips(tmp_path):
+    """Two recordings of two apertures each; neighbours overlap."""
+    return _two_strips(tmp_path)
+
+
+@pytest.fixture(scope='session')
+def _imaged_once(tmp_path_factory):
+    archive = _two_strips(tmp_path_factory.mktemp('imaged'))
+    for scan in archive.scans:
+        archive.image(scan)
+    return archive
+
+
+@pytest.fixture
+def imaged(_imaged_once, tmp_path):
+    """Those of `two_strips` with the images of all apertures, in a folder of the test's own."""
+    output = tmp_path / 'out'
+    shutil.copytree(_imaged_once.output, output)
+    return dataclasses.replace(_imaged_once,
+                               job=dataclasses.replace(_imaged_once.job, output=output))
+
+
+@pytest.fixture(scope='session')
 def toys_are_importable():
     """By this process and by the workers that it starts."""
     with pytest.MonkeyPatch.context() as patch:
         folder = str(Path(__file__).parent)
         patch.syspath_prepend(folder)
-        root = str(Path(__file__).resolve().parents[3])
+        root = str(Path(__file__).resolve().parents[2])
         patch.setenv('PYTHONPATH', os.pathsep.join([folder, root]))
         yield
 
 
+@pytest.fixture(scope='session')
+def toys(toys_are_importable):
+    """Pieces that compute little and misbehave on demand."""
+    import archive_toys
+    return archive_toys
+
+
 @pytest.fixture(scope='module')
 def client(toys_are_importable, tmp_path_factory):
+    from sar_imaging.archive.cluster import open_cluster
     with open_cluster(tmp_path_factory.mktemp('cluster'), workers=2) as client:
         yield client
 

@@ -8,6 +8,8 @@ import json
 import numpy as np
 import pytest
 
+pytest.importorskip('zarr', reason='the extra archive is not installed')
+
 from sar_imaging.archive.division import divide
 from sar_imaging.archive.job import Job
 from sar_imaging.archive.provenance import check_mosaic

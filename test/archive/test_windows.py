@@ -1,10 +1,11 @@
-"""Windows of the lattice: pixels, tiles and grids."""
+"""Windows of the lattice: pixels, tiles and grids; surfaces beside the curvature of the Earth."""
 
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from sar_imaging.archive.windows import Window, union
+from sar_imaging.archive.windows import Window, surface_z, union
+from sar_imaging.geometry import Datum
 
 numbers = st.integers(-5000, 5000)
 windows = st.builds(lambda r, c, n, m: Window(r, r + n, c, c + m), numbers, numbers,
@@ -54,3 +55,13 @@ def test_a_window_has_pixels():
     with pytest.raises(ValueError, match='at least one pixel'):
         Window(3, 3, 0, 4)
     assert Window(3, 4, 0, 4).grown(2) == Window(1, 6, -2, 6)
+
+
+@pytest.mark.parametrize('height_m', [0.0, 300.0, -40.0])
+def test_a_surface_is_at_its_height_and_falls_with_distance(height_m):
+    datum = Datum(45.0, 7.0, 250.0)
+    assert surface_z(0.0, 0.0, datum, height_m) == pytest.approx(height_m, abs=1e-6)
+    distance = 10e3
+    drop = height_m - surface_z(distance, 0.0, datum, height_m)
+    # d^2 / 2R with radii of curvature of 6,335 to 6,400 km, and 4 m of 7.8 m more or less
+    assert drop == pytest.approx(distance**2 / (2 * 6378e3), rel=0.01)

@@ -10,14 +10,10 @@ from pathlib import Path
 
 import pytest
 
+pytest.importorskip('distributed', reason='the extra archive is not installed')
+
 SCRIPT = Path(__file__).parent / 'toy_job.py'
 LEAVES = 12
-
-
-@pytest.fixture(scope='module')
-def toys(toys_are_importable):
-    import archive_toys
-    return archive_toys
 
 
 def start(output, workers=2, rounds=500, *more):

@@ -6,6 +6,8 @@ import types
 import numpy as np
 import pytest
 
+pytest.importorskip('zarr', reason='the extra archive is not installed')
+
 from sar_imaging.archive.division import divide
 from sar_imaging.archive.job import Job
 from sar_imaging.archive.pieces import ImagePiece, ProductPiece
@@ -22,7 +24,7 @@ from sar_imaging.recordings.bag_io import write_bag
 from sar_imaging.recordings.truth import antenna_truth, make_truth
 from sar_imaging.tools.products import forming
 
-from .conftest import DATUM, N_PULSES, SPACING_M, TILE, fly, scene
+from .small_archive import DATUM, N_PULSES, SPACING_M, TILE, fly, scene
 
 ANTENNA = Antenna('gaussian', azimuth_width_deg=2.5)
 

@@ -7,6 +7,8 @@ import types
 import numpy as np
 import pytest
 
+pytest.importorskip('zarr', reason='the extra archive is not installed')
+
 from benchmarks.support.radiometry_scenes import GAIN, Flight, rough_surface
 from sar_imaging.archive.division import Pulses, divide
 from sar_imaging.archive.job import Brightness, Job, Products
@@ -25,7 +27,7 @@ from sar_imaging.recordings.bag_io import write_bag
 from sar_imaging.recordings.truth import antenna_truth, make_truth
 from sar_imaging.tools.products.brightness import respond
 
-from .conftest import DATUM
+from .small_archive import DATUM
 
 sksicd = pytest.importorskip('sarkit.sicd', reason='sarkit is not installed: it needs Python 3.11')
 

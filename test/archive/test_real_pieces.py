@@ -27,7 +27,7 @@ from sar_imaging.tools import simulate_archive
 
 pytestmark = pytest.mark.campaign
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 KILLS = int(os.environ.get('ARCHIVE_KILLS', '10'))
 SURVEYS = {
     # aperture images that fit a piece each, GeoTIFF and SICD
