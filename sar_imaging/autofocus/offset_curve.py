@@ -22,12 +22,14 @@ PEAK_RAD = 3.0  # half width of a maximum, of visible phase
 _PEAK_OF_HALF_RAD = 7.0  # a part of the aperture changes its phases more slowly
 _END_RAD = 5.0  # at least so much must have been tried beyond an offset to claim it
 _FEWEST_NEARBY = 4
-# Standard deviations by which the halves together must prefer an offset, by the least coherence
-# of the bright points, which tells by itself: to use it, and to claim it. Of 82 searches with all
-# that is within 8 rad of the right offset left out, those whose best one was 15 rad from it or
-# more had 17 at most, and with a coherence of 0.7 less than 1, but for one with 13; none had 0.9.
-_TO_USE = {0.8: -np.inf, 0.0: 0.0}
-_TO_CLAIM = {0.9: -np.inf, 0.7: 3.0, 0.0: 20.0}
+# Standard deviations by which the halves together must prefer an offset to claim it, where its
+# bright points are hardly in phase; less, the nearer their coherence comes to one that tells by
+# itself. Of 82 searches with all that is within 8 rad of the right offset left out, those whose
+# best one was 15 rad from it or more had 17 at most, and with a coherence of 0.7 less than 1, but
+# for one with 13 and 0.8; none had 0.9. Of 316 flights the one whose offset was found wrong with
+# 0.7 or more had 3.
+_TO_CLAIM = 20.0
+_USABLE_COHERENCE, _CLEAR_COHERENCE = 0.8, 0.9
 _PLAINLY = 2.0
 _NORMAL = 1.4826  # standard deviation over median absolute deviation
 
@@ -113,24 +115,24 @@ class OffsetCurve:
             out.append('it is the last one of those that could be tried, '
                        f'{self.offset_s[0]:+.3g} to {self.offset_s[-1]:+.3g} s: the true one may '
                        'lie beyond')
-        return out + self._too_little(_TO_USE, coherence)
+        return out + self._too_little(0.0 if coherence < _USABLE_COHERENCE else -np.inf)
 
     def open_points(self, coherence: float = 0.0) -> list[str]:
         """Reasons not to claim that the best offset is the true one, as `doubts`."""
-        out = self._too_little(_TO_CLAIM, coherence)
+        lack = (_CLEAR_COHERENCE - coherence) / (_CLEAR_COHERENCE - _USABLE_COHERENCE)
+        out = self._too_little(_TO_CLAIM * min(lack, 1.0))
         if self._away(self.best_s)[[0, -1]].min() < _END_RAD:
             out.append('positions are not known far enough beyond it to tell it from others, only '
                        f'for offsets of {self.offset_s[0]:+.3g} to {self.offset_s[-1]:+.3g} s')
         return out
 
-    def _too_little(self, limits: dict[float, float], coherence: float) -> list[str]:
+    def _too_little(self, limit: float) -> list[str]:
         margins = self.margins()
         total = sum(margin for *_, margin in margins)
-        limit = next(limit for least, limit in limits.items() if coherence >= least)
         if total >= limit:
             return []
         return [f'the halves of the data prefer it to all others by {total:.1f} standard '
-                f'deviations together, less than {limit:g}' + ''.join(
+                f'deviations together, less than {limit:.3g}' + ''.join(
                     f'; {name}, taken alone, {"is" if "half" in name else "are"} sharpest at '
                     f'{offset_s:+.4g} s, by {-margin:.1f}'
                     for name, offset_s, margin in margins if margin < 0)]
