@@ -9,12 +9,12 @@ if TYPE_CHECKING:
 
     from ..geometry.grids import MapGrid
     from ..geometry.illumination import Illumination
-    from ..planning.afbp.edge_brightness import EdgeBrightness
     from ..planning.afbp.polar_grids import UnifiedPolarGrids
     from ..planning.afbp.subapertures import SubaperturePlan
     from ..planning.exact.backprojection import BackprojectionPlan
     from ..signal.pulses import PulseBlock
     from ..signal.radar import RadarParameters
+    from .edge_brightness import EdgeBrightness
 
 
 class Backprojection(Protocol):

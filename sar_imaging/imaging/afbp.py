@@ -14,9 +14,9 @@ import numpy as np
 from tqdm import tqdm
 
 from .. import backends
+from ..backends.edge_brightness import EdgeBrightness
 from ..device_arrays import beside, on_device, to_host
 from ..geometry.polar import PolarGrid
-from ..planning.afbp.edge_brightness import EdgeBrightness
 from ..planning.afbp.plan import AfbpPlan, plan_afbp
 from ..planning.afbp.subapertures import SubaperturePlan
 from ..planning.plan import AFBP_SHARES, error_budget

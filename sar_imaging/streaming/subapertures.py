@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..backends import AUTO, backend as find_backend
+from ..backends.edge_brightness import EdgeBrightness
 from ..device_arrays import on_device
 from ..geometry.grids import MapGrid
 from ..geometry.illumination import AntennaPattern, Illumination, Pointing
 from ..geometry.track import mean_centres, predict_track, unit_vector
-from ..planning.afbp.edge_brightness import EdgeBrightness
 from ..planning.afbp.lit_subapertures import seen_subapertures
 from ..planning.afbp.live import LivePlan, extension, plan_live
 from ..signal.pulses import PulseBlock

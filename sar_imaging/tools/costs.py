@@ -18,6 +18,7 @@ import scipy.optimize
 from tqdm import tqdm
 
 from ..backends import CUDA, backend
+from ..backends.edge_brightness import EdgeBrightness
 from ..compilation import numba
 from ..device_arrays import alike, zeros_beside
 from ..geometry.grids import MapGrid
@@ -25,7 +26,6 @@ from ..geometry.illumination import AntennaPattern, Illumination, PatternCut, Po
 from ..imaging.imager import plan_image
 from ..memory import check_memory
 from ..planning.afbp.beams import BeamSampling
-from ..planning.afbp.edge_brightness import EdgeBrightness
 from ..planning.afbp.lit_subapertures import LitSubapertures
 from ..planning.afbp.plan import AfbpPlan, plan_afbp
 from ..planning.costs import DEFAULT, CostModel, using

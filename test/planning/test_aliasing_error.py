@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from sar_imaging.backends.edge_brightness import EdgeBrightness
 from sar_imaging.geometry import MapGrid
-from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
 from sar_imaging.planning.afbp.plan import plan_afbp
 from sar_imaging.planning.afbp.polar_grids import covers
 from sar_imaging.planning.aliasing_error import TONES, PixelDensity, correction_error, guard_taper

@@ -12,10 +12,10 @@ import numpy as np
 from tqdm import tqdm
 
 from ...geometry.illumination import Illumination
-from ...planning.afbp.edge_brightness import EdgeBrightness
 from ...planning.afbp.lit_subapertures import AmplitudeNodes
 from ...planning.afbp.subapertures import SubaperturePlan
 from ...signal.pulses import PulseBlock
+from ..edge_brightness import EdgeBrightness
 from .arrays import (
     check_memory,
     complex_samples,

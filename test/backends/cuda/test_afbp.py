@@ -9,10 +9,10 @@ from sar_imaging.backends import backend
 from sar_imaging.backends.cuda import beams, fusion, subapertures
 from sar_imaging.backends.cuda.arrays import given, launch, on_device, xp
 from sar_imaging.backends.cuda.transfers import to_host
+from sar_imaging.backends.edge_brightness import EdgeBrightness
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.afbp.beams import plan_beams
-from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
 from sar_imaging.planning.afbp.plan import plan_afbp
 
 TARGET_DB = -50.0

@@ -9,8 +9,8 @@ import pytest
 from sar_imaging.backends import DeviceError, automatic, backend, cpu, device
 from sar_imaging.backends.cuda import fusion as device_fusion
 from sar_imaging.backends.cuda.arrays import given, xp
+from sar_imaging.backends.edge_brightness import EdgeBrightness
 from sar_imaging.device_arrays import on_device, to_host
-from sar_imaging.planning.afbp.edge_brightness import EdgeBrightness
 from sar_imaging.planning.afbp.plan import plan_afbp
 from sar_imaging.streaming.aperture import ApertureImager
 from sar_imaging.streaming.fusion import LiveFusion

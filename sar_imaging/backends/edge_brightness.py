@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from ...device_arrays import beside, on_device, to_host
-from ..aliasing_error import EVERYTHING, PixelDensity, density_at
-from .polar_grids import UnifiedPolarGrids
+from ..device_arrays import beside, on_device, to_host
+from ..planning.afbp.polar_grids import UnifiedPolarGrids
+from ..planning.aliasing_error import EVERYTHING, PixelDensity, density_at
 
 _UNEVEN_DB = 1.0  # by which edges are brighter than an even scene's by chance
 _MOST_DB = 100.0  # of an image that is empty
