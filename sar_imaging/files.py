@@ -223,6 +223,17 @@ def filling(folder: Path | str) -> Iterator[Path]:
             _move(part, folder / part.name)
 
 
+def write_json(path: Path, content: object) -> None:
+    """Write figures for programs; a number that is not finite is no JSON.
+
+    Raises
+    ------
+    ValueError
+        There is one.
+    """
+    path.write_text(json.dumps(content, indent=2, allow_nan=False) + '\n')
+
+
 @contextlib.contextmanager
 def _beside(folder: Path, target: Path) -> Iterator[Path]:
     """New folder that goes again; errors of files in it name what was to be made."""

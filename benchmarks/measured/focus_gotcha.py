@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.interpolate import CubicSpline
 
+from benchmarks.support.reporting import run_and_report
 from sar_imaging.autofocus.live import live_autofocus
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.imager import plan_image
@@ -24,7 +25,6 @@ from sar_imaging.recordings import load
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.tools.reporting import run_and_report
 
 GRID = MapGrid.from_size((0.0, 0.0, 0.0), 100.0, 100.0, 0.1)
 REFLECTOR_M = (-15.60, 21.60, 0.0)

@@ -20,6 +20,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from benchmarks.support.reporting import run_and_report
 from sar_imaging.autofocus.models import Geometry, GeometryModel
 from sar_imaging.autofocus.search import search
 from sar_imaging.autofocus.tiles import bright_points
@@ -37,7 +38,6 @@ from sar_imaging.recordings import (
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.tools.plots import save_image_png
-from sar_imaging.tools.reporting import run_and_report
 
 RADIUS_M = 0.2105  # of the antenna's circle, found by focusing
 HALF_BEAM_DEG = 35.0

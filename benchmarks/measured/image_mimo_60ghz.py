@@ -18,13 +18,13 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from benchmarks.support.reporting import decibels, run_and_report
 from sar_imaging.exploitation.calibration import Balance, balance_channels
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.recordings import load
 from sar_imaging.signal.calibration import ChannelCalibration
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.tools.reporting import decibels, run_and_report
 
 AZIMUTH_DEG = np.arange(-60.0, 60.1, 1.0)
 ELEVATION_DEG = np.arange(-24.0, 20.1, 1.0)

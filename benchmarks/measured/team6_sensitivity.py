@@ -22,6 +22,7 @@ from matplotlib.figure import Figure
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
+from benchmarks.support.reporting import run_and_report
 from sar_imaging.autofocus.models import alignment_model
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.grids import MapGrid
@@ -33,7 +34,6 @@ from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.tools.reporting import run_and_report
 
 TIME_OFFSETS_S = np.arange(9.26, 9.3001, 0.01)
 RANGE_BIASES_M = np.arange(0.0, 1.0001, 0.1)

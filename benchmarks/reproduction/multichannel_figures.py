@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from benchmarks.support.reporting import decibels, draw_grid
 from sar_imaging.geometry import MapGrid
 from sar_imaging.simulation.scenarios import RANGE_CENTRE_M, SCENARIOS
-from sar_imaging.tools.reporting import decibels, draw_grid
 
 from .multichannel_measurements import (
     IMAGERS,

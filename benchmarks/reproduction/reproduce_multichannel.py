@@ -15,8 +15,8 @@ import numba
 import numpy as np
 from tqdm import tqdm
 
+from benchmarks.support.reporting import run_and_report
 from sar_imaging.simulation.scenarios import SCENARIOS
-from sar_imaging.tools.reporting import run_and_report
 
 from . import multichannel_figures as figures, multichannel_measurements as measure
 from .multichannel_measurements import COMPARISON_RATIO, PATCH_M, PLACEMENTS, RATES_HZ

@@ -18,6 +18,7 @@ import numba
 import numpy as np
 from tqdm import tqdm
 
+from benchmarks.support.reporting import run_and_report
 from sar_imaging.quality import error_db
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.simulation.scenarios.spotlight_letter import (
@@ -26,7 +27,6 @@ from sar_imaging.simulation.scenarios.spotlight_letter import (
     SpotlightExperiment,
     spotlight_letter,
 )
-from sar_imaging.tools.reporting import run_and_report
 
 from . import letter_figures as figures, letter_imagers as imagers, letter_measurements as measure
 from .letter_recording import Recording

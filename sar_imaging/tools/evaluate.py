@@ -9,7 +9,6 @@ import argparse
 import contextlib
 import dataclasses
 import functools
-import json
 import math
 import os
 import re
@@ -23,13 +22,14 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from tqdm import tqdm
 
-from sar_imaging.files import check_target, filling
+from sar_imaging.files import check_target, filling, write_json
 from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.quality import ScattererQuality, measure_scatterer
 
 from ..recordings.bag_io import pose_messages, raw_messages
 from ..recordings.recording import Aperture, Recording, read_recording
+from .arguments import add_aperture, add_output
 from .ending import run_command
 from .evaluation import examination, node_launch
 from .evaluation.examination import summary
@@ -75,8 +75,7 @@ def parser() -> argparse.ArgumentParser:
         'real DDS, wait for the image and measure it.',
         epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument('bag', type=Path, help='rosbag2 folder with the topic /pulses')
-    p.add_argument('--output', type=Path, required=True, metavar='FOLDER',
-                   help='folder for the results, made when missing')
+    add_output(p)
     p.add_argument('--launch-nodes', action='store_true',
                    help="start the nodes for this run, with the recording's own grid and aperture")
     node_launch.add_arguments(p)
@@ -87,9 +86,7 @@ def parser() -> argparse.ArgumentParser:
                    help='through sar_pipeline instead of separate nodes')
     p.add_argument('--namespace', type=_namespace, default='', metavar='NAME',
                    help='namespace of the nodes, such as radar1 (default: none)')
-    p.add_argument('--aperture', type=int, metavar='N',
-                   help='number of the aperture to evaluate, pulse counter // pulses per aperture '
-                        '(default: the last one that is complete)')
+    add_aperture(p)
     p.add_argument('--rate', type=_positive, metavar='FACTOR',
                    help='follow the recording times, so many times as fast; 1 is real time '
                         '(default: as fast as the nodes work without loss)')
@@ -153,8 +150,7 @@ def run(arguments: argparse.Namespace) -> int:
         save_image_png(folder / 'image.png', result.received.image, grid,
                        truth=(recording.truth or {}).get('scatterers', ()),
                        title=_title(recording, result))
-        text = json.dumps(quality, indent=2, allow_nan=False)
-        (folder / 'quality.json').write_text(text + '\n')
+        write_json(folder / 'quality.json', quality)
     print(summary(quality))
     print(f'written: {", ".join(str(output / name) for name in PRODUCTS)}')
     return DOUBTFUL_STATUS if examination.doubtful(quality['focus']) else 0

@@ -11,7 +11,6 @@ import json
 import math
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 import yaml
 
@@ -20,6 +19,7 @@ from sar_imaging.files import filling, naming
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.yaml_text import load_yaml
 
+from .arguments import add_output
 from .ending import run_command
 from .launching import find_config
 
@@ -40,8 +40,7 @@ def parser() -> argparse.ArgumentParser:
         'configuration images, in its frame and at its size.', epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument('config', help='ROS parameter file, or name of a shipped one')
-    p.add_argument('--output', type=Path, required=True, metavar='FOLDER',
-                   help='folder for the layouts, made when missing')
+    add_output(p, 'the layouts')
     p.add_argument('--namespace', default='', metavar='NAME',
                    help='namespace of the nodes, such as radar1 (default: none)')
     return p

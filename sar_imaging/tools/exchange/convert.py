@@ -39,6 +39,7 @@ from ...recordings.kinds import (
 from ...recordings.recording import Recording, read_recording
 from ...recordings.truth import antenna_truth, make_truth
 from ...signal.pulses import PulseBlock
+from ..arguments import add_datum, datum_of
 from ..ending import run_command
 
 _TOLD = ('collector_name', 'core_name', 'classification', 'release_info', 'mode_type')
@@ -129,22 +130,6 @@ def _check_target(target: Path, arguments: argparse.Namespace) -> None:
         raise BagError(f'{target} exists already; choose another path or add --force')
 
 
-def datum_of(arguments: argparse.Namespace) -> Datum | None:
-    """Datum that was asked for.
-
-    Raises
-    ------
-    BagError
-        It has other than three or four numbers.
-    """
-    if arguments.datum is None:
-        return None
-    if len(arguments.datum) not in (3, 4):
-        raise BagError(f'--datum has {len(arguments.datum)} numbers; expected latitude, '
-                       'longitude, height and, optionally, heading')
-    return Datum(*arguments.datum)
-
-
 def _reader(source: Path, arguments: argparse.Namespace) -> CphdReader:
     return CphdReader(source, datum=datum_of(arguments), channels=arguments.channels)
 
@@ -208,10 +193,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument('file', type=Path, metavar='FILE', help='file, or folder of a recording')
     p.add_argument('target', type=Path, metavar='TARGET', help='file or folder to make')
     p.add_argument('--force', action='store_true', help='replace an existing file or recording')
-    p.add_argument('--datum', type=float, nargs='+', metavar='NUMBER',
-                   help='latitude and longitude in degrees, ellipsoidal height in metres and, '
-                        'optionally, heading of the frame in degrees: where its origin stands, '
-                        'instead of what FILE tells')
+    add_datum(p)
     p.add_argument('--channels', nargs='+', metavar='NAME',
                    help='channels of a CPHD file; all of them by default')
     written = p.add_argument_group('CPHD files that are written')

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 import logging
 import sys
 from collections.abc import Sequence
@@ -19,7 +18,7 @@ import numpy as np
 
 from ...configuration.scene_grid import GridChoice
 from ...exploitation.passes import PassComparison, compare_passes
-from ...files import filling
+from ...files import filling, write_json
 from ...formats import MissingExtraError
 from ...formats.geotiff import write_raster
 from ...formats.report import Section, write_report
@@ -30,6 +29,7 @@ from ...quality import focus_figure
 from ...recordings.kinds import CPHD, SICD, kind_of
 from ...recordings.pulse_source import PulseSource, SourceError, open_pulses
 from ...signal.magnitudes import SPEED_OF_LIGHT
+from ..arguments import datum_of, memory_bytes
 from ..ending import run_command
 from ..plots import save_image_png, save_values_png
 from . import forming
@@ -93,7 +93,7 @@ def open_pair(first: Path, second: Path, arguments: argparse.Namespace) -> Pair:
 
 
 def _of_pulses(first: Path, second: Path, arguments: argparse.Namespace) -> Pair:
-    datum = forming.datum_of(arguments)
+    datum = datum_of(arguments)
     one = open_pulses(first, aperture=arguments.aperture, datum=datum)
     # CPHD positions are Earth-centred: they come in the frame of the first file
     frame = one.datum if second.is_file() and kind_of(second) == CPHD else None
@@ -107,7 +107,7 @@ def _of_pulses(first: Path, second: Path, arguments: argparse.Namespace) -> Pair
         raise SourceError(f'{second} does not cover the middle of the grid chosen for {first}, '
                           f'({centre[0]:.1f}, {centre[1]:.1f}, {centre[2]:.1f}) m: do both see '
                           'one scene, in one frame?')
-    n_bytes = forming.memory_bytes(arguments)
+    n_bytes = memory_bytes(arguments)
     images = tuple(forming.form(source, choice, arguments.target_db, n_bytes / 2, label=name)[0]
                    for name, source in (('first pass', one), ('second pass', other)))
     drawn, axes = forming.drawn_grid(choice)
@@ -202,9 +202,7 @@ def run(arguments: argparse.Namespace) -> str:
         pictures = save_pictures(folder, pair, found)
         np.savez_compressed(folder / 'comparison.npz', **bands)
         raster = _write_raster(folder / 'comparison.tif', bands, pair, warnings)
-        figures = _figures(arguments, pair, found, warnings)
-        (folder / 'comparison.json').write_text(
-            json.dumps(figures, indent=2, allow_nan=False) + '\n')
+        write_json(folder / 'comparison.json', _figures(arguments, pair, found, warnings))
         _write_report(folder, arguments, pair, found, pictures, warnings)
     names = [*pictures, 'comparison.npz', *raster, 'comparison.json', 'report.html']
     told = [f'warning: {text}' for text in pair.warnings]

@@ -25,6 +25,7 @@ from sar_imaging.signal.pulses import PulseBlock, concatenate
 from ...recordings.bag_io import BagError, read_blocks
 from ...recordings.kinds import CPHD, RECORDING, kind_of
 from ...recordings.pulse_source import PulseSource, SourceError, open_pulses
+from ..arguments import add_pulses, memory_bytes
 from ..ending import run_command
 from . import forming
 from .figures import save_signal_png
@@ -52,7 +53,7 @@ def parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(
         prog='sar-imaging doctor', description='Say what is wrong with a recording of pulses.',
         epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument('file', type=Path, help='folder of a recording, CPHD file, or description')
+    add_pulses(p)
     p.add_argument('--output', type=Path, metavar='FOLDER',
                    help='folder for picture and findings, made when missing (default: none)')
     forming.add_scene_arguments(p)
@@ -127,7 +128,7 @@ def _of_cphd(finding: Finding) -> Finding:
 
 def _bytes(arguments: argparse.Namespace) -> float:
     # profiles are made of them several times, more finely sampled
-    return min(_MOST_BYTES, forming.memory_bytes(arguments) / 16)
+    return min(_MOST_BYTES, memory_bytes(arguments) / 16)
 
 
 def _joined(blocks, arguments: argparse.Namespace) -> PulseBlock:

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import math
 import time
-from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
 from sar_imaging.configuration.scene_grid import PLANES, GridChoice, choose_grid
-from sar_imaging.geometry.earth import Datum
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.image import Image
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.memory import available_bytes
 from sar_imaging.quality.verification import Verification, measure_error
 from sar_imaging.signal.radar import Waveform
 
 from ...recordings.pulse_source import PulseSource, SourceError
+from ..arguments import add_aperture, add_datum, add_memory, add_output, check_count, memory_bytes
 
 IMAGE_SHARE = 0.5  # of the memory, for the image and what is made of it
 _BLOCK_SHARE = 0.1  # for the samples of a block; its profiles are resampled more finely
@@ -29,16 +26,12 @@ _VERIFIED_PIXELS = 200
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of all commands that form images of files."""
-    parser.add_argument('--output', type=Path, required=True, metavar='FOLDER',
-                        help='folder for the results, made when missing')
+    add_output(parser)
     parser.add_argument('--plane', choices=PLANES, default=PLANES[0],
                         help='a map on the ground, or the slant plane (default: %(default)s)')
     parser.add_argument('--target-db', type=float, default=-60.0, metavar='DB',
                         help='wanted error against correlation (default: %(default)g)')
-    parser.add_argument('--datum', type=float, nargs='+', metavar='NUMBER',
-                        help='latitude and longitude in degrees, ellipsoidal height in metres '
-                             'and, optionally, heading of the frame in degrees: where its origin '
-                             'stands, instead of what the file tells')
+    add_datum(parser)
     add_scene_arguments(parser)
 
 
@@ -51,42 +44,8 @@ def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--centre', type=float, nargs='+', metavar='X',
                         help='middle of the image in the frame of the phase centres (x, y) and '
                              'height of the ground (z, 0 by default), metres')
-    parser.add_argument('--memory', type=float, metavar='GB',
-                        help='most memory to take (default: half of what is free)')
-    parser.add_argument('--aperture', type=int, metavar='N',
-                        help='of a recording: number of the aperture, pulse counter // pulses per '
-                             'aperture (default: the last complete one)')
-
-
-def datum_of(arguments: argparse.Namespace) -> Datum | None:
-    """Datum that the arguments tell.
-
-    Raises
-    ------
-    SourceError
-        There is no such place.
-    """
-    _check_count('--datum', arguments.datum, 3, 4, 'latitude, longitude, height and heading')
-    try:
-        return None if arguments.datum is None else Datum(*arguments.datum)
-    except ValueError as error:
-        raise SourceError(f'--datum: {error}') from error
-
-
-def _check_count(name: str, values, least: int, most: int, meaning: str) -> None:
-    if values is not None and not (least <= len(values) <= most
-                                   and all(map(math.isfinite, values))):
-        raise SourceError(f'{name} {" ".join(f"{v:g}" for v in values)}: expected {least} to '
-                          f'{most} finite numbers, {meaning}')
-
-
-def memory_bytes(arguments: argparse.Namespace) -> float:
-    """Memory that may be taken, bytes."""
-    if arguments.memory is None:
-        return available_bytes() / 2
-    if not arguments.memory > 0:
-        raise SourceError(f'--memory {arguments.memory:g}; expected a positive number of GB')
-    return arguments.memory * 1e9
+    add_memory(parser)
+    add_aperture(parser)
 
 
 def choose(source: PulseSource, arguments: argparse.Namespace,
@@ -101,8 +60,8 @@ def choose(source: PulseSource, arguments: argparse.Namespace,
         The file does not state where its scene is, and neither do the arguments.
     """
     a = arguments
-    _check_count('--centre', a.centre, 2, 3, 'x, y and z')
-    _check_count('--size', a.size, 1, 2, 'both sides')
+    check_count('--centre', a.centre, 2, 3, 'x, y and z')
+    check_count('--size', a.size, 1, 2, 'both sides')
     if a.centre is None and source.area_m is None:
         near, far = source.coverage().swath_m
         raise SourceError(f'{source.path} does not state where its scene is: give --centre X Y Z, '

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 import logging
 import math
 import sys
@@ -17,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from sar_imaging.configuration.scene_grid import GridChoice
-from sar_imaging.files import filling
+from sar_imaging.files import filling, write_json
 from sar_imaging.formats import (
     require,
     write_geotiff,
@@ -33,6 +32,7 @@ from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
 
 from ...formats.report import Section, write_report
 from ...recordings.pulse_source import PulseSource, SourceError, lit_acquisition, open_pulses
+from ..arguments import add_pulses, datum_of, memory_bytes
 from ..ending import run_command
 from ..plots import save_image_png
 from . import brightness, forming, volume
@@ -66,7 +66,7 @@ def parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(
         prog='sar-imaging image', description='Image a recording (rosbag2 folder) or a CPHD file.',
         epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument('file', type=Path, help='folder of a recording, CPHD file, or description')
+    add_pulses(p)
     p.add_argument('--format', type=_formats, default=('png',), metavar='NAME[,NAME]',
                    help=f'of the image: {", ".join(FORMATS)} (default: png)')
     forming.add_arguments(p)
@@ -94,7 +94,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(arguments: argparse.Namespace) -> str:
     """Image the file and write all products; returns a summary for people."""
     source = open_pulses(arguments.file, aperture=arguments.aperture,
-                         datum=forming.datum_of(arguments))
+                         datum=datum_of(arguments))
     if 'sicd' not in arguments.format:  # which describes responses without a window
         source = forming.weighted(source)
     if arguments.height is not None:
@@ -105,7 +105,7 @@ def run(arguments: argparse.Namespace) -> str:
     for reason in choice.reasons:
         print(reason, file=sys.stderr)
     arguments.output.mkdir(parents=True, exist_ok=True)
-    n_bytes = forming.memory_bytes(arguments)
+    n_bytes = memory_bytes(arguments)
     image, seconds = forming.form(source, choice, arguments.target_db, n_bytes)
     measured = forming.verify(source, image, n_bytes)
     quality = describe(source, choice, image, seconds, measured)
@@ -117,7 +117,7 @@ def run(arguments: argparse.Namespace) -> str:
         calibration = {'response': response, 'constant': constant}
     with filling(arguments.output) as folder:
         written = write_products(folder, arguments.format, source, choice, image, calibration)
-        (folder / 'quality.json').write_text(json.dumps(quality, indent=2, allow_nan=False) + '\n')
+        write_json(folder / 'quality.json', quality)
         _write_report(folder, source, choice, image, quality)
     names = ', '.join([*written, 'image.npy', 'quality.json', 'report.html'])
     return '\n'.join([

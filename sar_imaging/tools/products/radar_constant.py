@@ -19,6 +19,7 @@ from sar_imaging.quality import measure_scatterer
 from sar_imaging.radiometry import RadarConstant, noise_power, trihedral_cross_section_m2
 
 from ...recordings.pulse_source import PulseSource, SourceError, open_pulses
+from ..arguments import add_aperture, add_memory, add_pulses, memory_bytes
 from ..ending import run_command
 from . import forming
 from .brightness import respond, write_constant
@@ -42,7 +43,7 @@ def parser() -> argparse.ArgumentParser:
         prog='sar-imaging radar-constant', epilog=_EPILOG,
         description='Measure the radar constant at a reflector of known cross section.',
         formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument('file', type=Path, help='folder of a recording, CPHD file, or description')
+    add_pulses(p)
     p.add_argument('--reflector', type=float, nargs=3, required=True, metavar=('X', 'Y', 'Z'),
                    help='its place in the frame of the phase centres, metres')
     size = p.add_mutually_exclusive_group(required=True)
@@ -51,10 +52,8 @@ def parser() -> argparse.ArgumentParser:
     size.add_argument('--trihedral', type=float, metavar='EDGE',
                       help='length of the edge where two plates of a triangular trihedral meet, '
                            'metres')
-    p.add_argument('--aperture', type=int, metavar='N',
-                   help='of a recording: number of the aperture (default: the last complete one)')
-    p.add_argument('--memory', type=float, metavar='GB',
-                   help='most memory to take (default: half of what is free)')
+    add_aperture(p)
+    add_memory(p)
     p.add_argument('--output', type=Path, required=True, metavar='FILE', help='YAML file')
     return p
 
@@ -74,7 +73,7 @@ def run(arguments: argparse.Namespace) -> str:
             else trihedral_cross_section_m2(arguments.trihedral, wavelength))
     if not (math.isfinite(size) and size > 0):
         raise SourceError(f'a cross section of {size:g} m^2; expected a positive number')
-    n_bytes = forming.memory_bytes(arguments)
+    n_bytes = memory_bytes(arguments)
     constant = measure_constant(source, arguments.reflector, size, n_bytes)
     write_constant(arguments.output, constant, source, arguments.reflector, size)
     return (f'gain {constant.gain:.6g} from a reflector of {size:.4g} m^2 '

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 import math
 import sys
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from sar_imaging.configuration.scene_grid import PIXEL_BYTES, GridChoice
 from sar_imaging.exploitation.bright_cells import LEVELS, BrightCells, bright_cells
-from sar_imaging.files import filling
+from sar_imaging.files import filling, write_json
 from sar_imaging.formats import write_ply
 from sar_imaging.geometry.grids import VolumeGrid
 from sar_imaging.imaging.image import Image, error_in_words
@@ -21,6 +20,7 @@ from sar_imaging.radiometry import RadarConstant
 from sar_imaging.radiometry.scale import RCS
 
 from ...recordings.pulse_source import PulseSource, SourceError
+from ..arguments import memory_bytes
 from . import brightness, forming
 from .figures import save_volume_png
 
@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace, source: PulseSource) -> str:
     ValueError, MemoryError
         As `plan_image`; the volume does not fit.
     """
-    n_bytes = forming.memory_bytes(arguments)
+    n_bytes = memory_bytes(arguments)
     constant = _constant(arguments)
     choice = choose(source, arguments, n_bytes)
     for reason in choice.reasons:
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace, source: PulseSource) -> str:
             threshold_db=arguments.threshold, truth=source.scatterers,
             title=f'{source.path.name}: {source.n_pulses} pulses, '
                   f'{radar.carrier_hz / 1e9:.4g} GHz, {radar.bandwidth_hz / 1e6:.4g} MHz')
-        (folder / 'quality.json').write_text(json.dumps(quality, indent=2, allow_nan=False) + '\n')
+        write_json(folder / 'quality.json', quality)
     n_z, n_y, n_x = image.shape
     error = 'not measured' if isinstance(measured, str) else f'{measured.error_db:.1f} dB measured'
     return '\n'.join([

@@ -161,7 +161,7 @@ def test_sicd_is_told_and_becomes_a_map(tmp_path, capsys):
 
 @pytest.mark.parametrize(('words', 'text'), [
     (['convert', 'bags/psf', 'a.cphd'], 'add --datum'),
-    (['convert', 'bags/psf', 'a.cphd', '--datum', '47'], 'expected latitude'),
+    (['convert', 'bags/psf', 'a.cphd', '--datum', '47'], 'finite numbers, latitude'),
     (['convert', 'bags/psf', 'a.cphd', '--datum', '147', '8', '0'], 'latitude_deg=147'),
     (['convert', 'bags/psf', 'a.png'], 'no format has the end'),
     (['convert', 'bags/psf', 'a.tif'], 'which cannot be converted to GeoTIFF; these can'),
