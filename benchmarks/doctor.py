@@ -48,6 +48,7 @@ _MOST_SEEDS = 4  # for each case that a fault needs; not all radars can have all
 _WORSE_DB = 1.0  # of contrast, from which an image is measurably worse
 _SIZE = 1 / 3  # of a size, by which it may be wrong
 _MOST_PIXELS = 40_000_000  # times pulses, of the images that are compared
+_CLOCK = 'clock offset'
 _BY_NATURE = {'ground': {'coupling'}}  # the direct wave of its antennas is stronger than echoes
 
 
@@ -61,6 +62,8 @@ def judged(make: Callable[[], Case], seed: int, fault: str, *, image: bool) -> d
                           'with_image': image}
     if fault != RIGHT:
         try:
+            if fault in _BY_NATURE.get(case.kind, ()):
+                raise NotApplicable
             case = FAULTS[fault][0](case, np.random.default_rng([seed, 7]))
         except NotApplicable:
             return entry | {'found': None}
@@ -84,7 +87,7 @@ def judged(make: Callable[[], Case], seed: int, fault: str, *, image: bool) -> d
         worse_db, moved_cells = severity(right, case)
         named = [f for name, f in found.items() if name in FAULTS[fault][1] and f.sizes]
         entry |= {'worse_db': round(worse_db, 1), 'moved_cells': round(moved_cells, 1),
-                  'size_off': round(_size_off(case.sizes, named[0].sizes), 3)
+                  'size_off': round(_size_off(fault, case.sizes, named[0].sizes), 3)
                   if case.sizes and named else None}
     return entry
 
@@ -100,14 +103,12 @@ def _other_commands(case: Case) -> dict:
             'evaluate': live.mistake or ('at noise level' if at_noise else '-')}
 
 
-def _size_off(true: tuple[float, ...], told: tuple[float, ...]) -> float:
+def _size_off(fault: str, true: tuple[float, ...], told: tuple[float, ...]) -> float:
     """Error of a size that was told over the true one; of an arm, along what was told of it."""
-    if len(true) != len(told):
-        return 0.0  # a slope told as a rate of the clock, or the reverse
     true, told = np.array(true), np.array(told)
     if len(true) == 3:  # the turns tell some directions of an arm
         return abs(float(true @ told) / max(float(told @ told), 1e-9) - 1)
-    nothing = 1.0 if true[0] > 0.5 and told[0] > 0.5 and abs(true[0] - 1) < 0.5 else 0.0
+    nothing = 0.0 if fault == _CLOCK else 1.0  # rates and factors
     return abs(float((told[0] - nothing) / (true[0] - nothing)) - 1)
 
 
