@@ -195,22 +195,24 @@ def _moves(block: PulseBlock, attitude: Rotation) -> np.ndarray:
     Without what shifts and turns the track as a whole, which moves the image and focuses nothing.
     """
     turns = attitude.as_matrix()
-    rigid = _rigid(block).reshape(-1, 6)
+    rigid = _rigid(block).reshape(-1, 5)
     flat = turns.reshape(-1, 3)
     return (flat - rigid @ (np.linalg.pinv(rigid) @ flat)).reshape(turns.shape)
 
 
 def _rigid(block: PulseBlock) -> np.ndarray:
-    """(P, 3, 6) change of the phase centres by a shift and by a turn about their middle."""
+    """(P, 3, 5) change of the phase centres by a shift, and by turns of the track as a whole.
+
+    The turns are one about the vertical and one that tilts the line of the track. Those about
+    the track itself are none: wiggles of a straight one would make them large.
+    """
     arm = block.phase_centre_m - block.phase_centre_m.mean(axis=0)
     arm = arm / max(float(np.abs(arm).max()), 1e-9)
-    # turns about the track itself are none: wiggles of a straight one would make them large
     along = np.linalg.svd(arm, full_matrices=False)[2][0]
-    (x, y, _), (a, b, c) = arm.T, np.outer(along, arm @ along)
-    o = 0 * x
-    turned = np.stack([np.stack([o, c, -y], -1), np.stack([-c, o, x], -1),
-                       np.stack([b, -a, o], -1)], axis=1)
-    return np.concatenate([np.broadcast_to(np.eye(3), turned.shape), turned], axis=2)
+    turned = np.cross([0.0, 0.0, 1.0], arm)
+    tilted = np.outer(arm @ along, np.cross([-along[1], along[0], 0.0], along))
+    shifted = np.broadcast_to(np.eye(3), (len(arm), 3, 3))
+    return np.concatenate([shifted, turned[..., None], tilted[..., None]], axis=2)
 
 
 def _directions(block: PulseBlock, moves: np.ndarray, grid: MapGrid

@@ -231,6 +231,15 @@ def test_arm_is_found_in_directions_that_blur_little():
     assert found.arm_m == pytest.approx(arm, abs=0.02)
 
 
+def test_turns_about_a_track_itself_are_not_taken_out_of_an_arm():
+    """Wiggles of a track that climbs a little were taken for its turns; half of the focus went."""
+    right = family_case('near', 98000)
+    case = FAULTS['lever arm'][0](right, np.random.default_rng([98000, 7]))
+    found = find_lever_arm(case.block, right.attitude, case.grid)
+    assert found.found and found.n_directions == 3
+    assert np.linalg.norm(found.arm_m - case.sizes) < found.error_m < 0.15
+
+
 @pytest.mark.parametrize(('wave_rad', 'named'), [
     (0.05, ['lever arm', 'clock offset']), (0.15, ['clock offset'])])
 def test_arm_and_clock_are_both_named_where_they_are_alike(wave_rad, named):
