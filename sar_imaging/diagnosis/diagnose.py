@@ -64,7 +64,7 @@ _FEWEST_ALONE = 64  # pulses of a channel that is looked at alone
 _MOST_OFFSETS = 100  # on each side
 _LONGEST_LIVE_S = 2.0  # offset of a clock
 _FELT_RAD = 1.5  # rms phase from one value to the next
-_PEAKS = 3  # of a search, that are refined
+_COMPARED, _PEAKS = 12, 3  # peaks of a search that are compared, and that are refined
 _WORTH = 0.8  # of the least contrast, on few pixels
 _ABOVE_NOISE = 2.0  # times its agreement
 # Times the agreement of the data as they are: about half a decibel of contrast. With a value
@@ -501,35 +501,47 @@ class _Attempts:
     def _search(self, block: PulseBlock, values: np.ndarray,
                 mistake: Callable[[float], Hypothesis], change: Callable[..., PulseBlock]
                 ) -> _Tried:
-        """The value with which most stands out: searched on few pixels, refined on more."""
+        """The value with which most is gained: searched on few pixels, refined on more.
+
+        Values that leave out pulses are compared with the same pulses as they are: a part of an
+        aperture agrees over wider parts of the scene than all of it.
+        """
         coarse, fine = (CoherenceProbe(self._grid, n, TILE)
                         for n in (COARSE_BUDGET, FINE_BUDGET))
         few, some = (block.select(slice(None, None, -(-block.n_pulses // n)))
                      for n in (FEW_PULSES, 2 * FEW_PULSES))
 
-        def focus(value: float, probe: CoherenceProbe, pulses: PulseBlock) -> float:
+        def focus(value: float, probe: CoherenceProbe, pulses: PulseBlock) -> Coherence:
             try:
-                result = probe(self._ready(change(pulses, value, block)))
+                return probe(self._ready(change(pulses, value, block)))
             except ValueError:  # no such ramp
-                return 0.0
+                return Coherence(0.0, 0.0, 0.0)
+
+        def spread(value: float, probe: CoherenceProbe, pulses: PulseBlock) -> float:
+            result = focus(value, probe, pulses)
             # few pulses that are left agree over wide parts
             return result.spread if result.contrast > _WORTH * LEAST else 0.0
 
-        figures = np.array([focus(value, coarse, few) for value in values])
+        def gain(value: float, probe: CoherenceProbe, pulses: PulseBlock) -> float:
+            kept = np.isin(self._profiles.counter, change(pulses, value, block).counter)
+            return gain_of(focus(value, probe, pulses), probe(self._profiles.select(kept)))
+
+        figures = np.array([spread(value, coarse, few) for value in values])
         peaks = np.flatnonzero((figures >= np.r_[0, figures[:-1]])
                                & (figures >= np.r_[figures[1:], 0]))
-        peaks = peaks[np.argsort(-figures[peaks])][:_PEAKS]
+        peaks = peaks[np.argsort(-figures[peaks])][:_COMPARED]
+        peaks = sorted(peaks, key=lambda at: -gain(values[at], coarse, few))[:_PEAKS]
         step = float(values[1] - values[0])
 
         def climbed(value: float) -> float:
             for finer in (3, 9):
                 value = max((value + step / finer * k for k in range(-2, 3)),
-                            key=lambda near: focus(near, fine, some))
+                            key=lambda near: spread(near, fine, some))
             return value
 
         # the top of a narrow peak may lie between two values, each below a broad one
         best = max((climbed(float(values[peak])) for peak in peaks),
-                   key=lambda value: focus(value, fine, some))
+                   key=lambda value: gain(value, fine, some))
         changed = self._ready(change(block, best, block))
         kept = np.isin(self._profiles.counter, changed.counter)
         before = None if kept.all() else self._profiles.select(kept)

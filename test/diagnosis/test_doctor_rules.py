@@ -240,6 +240,16 @@ def test_turns_about_a_track_itself_are_not_taken_out_of_an_arm():
     assert np.linalg.norm(found.arm_m - case.sizes) < found.error_m < 0.15
 
 
+def test_offset_is_compared_on_the_pulses_that_it_leaves():
+    """A third of the aperture agrees widely by itself; it was taken for an offset of 0.6 s."""
+    right = family_case('few', 99000)
+    case = FAULTS['clock offset'][0](right, np.random.default_rng([99000, 7]))
+    found = diagnose(case.block, case.grid, thorough=True)
+    assert found.mistake == 'clock offset'
+    # pulses are 0.006 s apart
+    assert found.sizes == pytest.approx(case.sizes, abs=0.01)
+
+
 @pytest.mark.parametrize(('wave_rad', 'named'), [
     (0.05, ['lever arm', 'clock offset']), (0.15, ['clock offset'])])
 def test_arm_and_clock_are_both_named_where_they_are_alike(wave_rad, named):
