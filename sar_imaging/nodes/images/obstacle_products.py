@@ -1,7 +1,8 @@
 """Publish obstacles as a map and a cloud, built only while they have a subscriber.
 
-Maps are made in a thread of their own: images do not wait for them. Where images come faster than
-maps are made, the latest one that waits takes the place of the one before, which is counted.
+Maps are made in a thread of their own with a low priority: images do not wait for them. Where
+images come faster than maps are made, the latest one that waits takes the place of the one before,
+which is counted.
 """
 
 from __future__ import annotations
@@ -112,7 +113,7 @@ class ObstacleProducts:
     def activate(self, node: Stage) -> None:
         """Make maps in a thread of their own, and let the map fade, images or not."""
         worker = self._worker = Worker(
-            lambda work: work(), capacity=1, name='obstacle_map',
+            lambda work: work(), capacity=1, name='obstacle_map', background=True,
             on_error=lambda error: node.in_worker(lambda: _raise(error)))
         worker.start()
         # Where an image waits the map need not fade.

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numba
 
-_ASIDE_NICE = 10  # the worker comes first
+_BACKGROUND_NICE = 10
 _aside: set[threading.Thread] = set()
 
 
@@ -50,18 +50,22 @@ class Worker:
         Returns the seconds until then; None when there is nothing to be idle about.
     name : str
         Name of the thread.
+    background : bool
+        Whether other threads come first: the priority of this one is low.
     """
 
     def __init__(self, work: Callable[[object], None], *, capacity: int,
                  on_error: Callable[[Exception], None], max_bytes: int = 2**63,
                  on_idle: Callable[[], None] | None = None,
-                 idle_s: Callable[[], float | None] = lambda: None, name: str = 'worker'):
+                 idle_s: Callable[[], float | None] = lambda: None, name: str = 'worker',
+                 background: bool = False):
         self._work = work
         self._capacity = capacity
         self._max_bytes = max_bytes
         self._on_error = on_error
         self._on_idle = on_idle
         self._idle_s = idle_s
+        self._background = background
         self._items: collections.deque = collections.deque()  # calls, and items with their bytes
         self._n_items = self._n_bytes = 0
         self._in_work: object | None = None
@@ -163,6 +167,8 @@ class Worker:
         return item
 
     def _run(self) -> None:
+        if self._background:
+            _step_back()
         while True:
             with self._changed:
                 if not self._items and not self._stopping:
@@ -186,6 +192,13 @@ class Worker:
             self._on_error(error)
 
 
+def _step_back() -> None:
+    """Give the thread that calls this a low priority."""
+    if sys.platform == 'linux':  # elsewhere the priority is that of the whole process
+        thread = os.PRIO_PROCESS, threading.get_native_id()
+        os.setpriority(*thread, max(os.getpriority(*thread), _BACKGROUND_NICE))
+
+
 def aside(work: Callable[[], None], name: str) -> None:
     """Do what nobody waits for in a thread of its own, with low priority and on one processor.
 
@@ -199,8 +212,7 @@ def aside(work: Callable[[], None], name: str) -> None:
         Of the thread.
     """
     def run():
-        if sys.platform == 'linux':  # elsewhere the priority is that of the whole process
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _ASIDE_NICE)
+        _step_back()
         numba.set_num_threads(1)
         work()
 

@@ -1,5 +1,7 @@
 """The worker thread: order, bounded queue, failures, idleness, orderly end."""
 
+import os
+import sys
 import threading
 import time
 
@@ -200,3 +202,12 @@ def test_a_stop_without_patience_leaves_the_item_in_work(start_worker):
     go_on.set()
     worker.stop()
     assert not worker.working
+
+
+@pytest.mark.skipif(sys.platform != 'linux', reason='threads have priorities on Linux alone')
+def test_a_worker_in_the_background_has_a_low_priority(start_worker):
+    def priority():
+        return os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+
+    before = start_worker(print).call(priority).result(PATIENCE_S)
+    assert start_worker(print, background=True).call(priority).result(PATIENCE_S) == max(before, 10)
