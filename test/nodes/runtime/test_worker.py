@@ -210,4 +210,5 @@ def test_a_worker_in_the_background_has_a_low_priority(start_worker):
         return os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
 
     before = start_worker(print).call(priority).result(PATIENCE_S)
-    assert start_worker(print, background=True).call(priority).result(PATIENCE_S) == max(before, 10)
+    worker = start_worker(print, background=True)
+    assert worker.call(priority).result(PATIENCE_S) == max(before, 10)
