@@ -27,7 +27,7 @@ from ..signal.pulses import PulseBlock, concatenate
 from ..signal.radar import RadarParameters
 from ..signal.range_compression import RangeCompressor
 from .arrays import load, truth_of
-from .bag_io import BagError
+from .bag_io import BagError, split
 from .description import shipped_names
 from .kinds import CPHD, DESCRIPTION, RECORDING, UnknownKindError, kind_of
 from .recording import Recording, placed, read_recording
@@ -359,11 +359,10 @@ def _described(path: Path, data: Path | None, changes: Mapping[str, object] | No
         np.zeros(1, np.int64), (block.tx_m,), (block.rx_m,),
         by_poses=not loaded.block.has_positions, poses=loaded.poses)
 
-    def blocks(first: int, stop: int) -> Iterator[PulseBlock]:
+    def blocks(first: int, stop: int) -> Iterable[PulseBlock]:
         pulses = block.select((counter >= first) & (counter < stop))
         step = max(1, int(_PIECE_BYTES * pulses.n_pulses / max(pulses.samples.nbytes, 1)))
-        for begin in range(0, pulses.n_pulses, step):
-            yield pulses.select(slice(begin, begin + step))
+        return split(pulses, step)
 
     return recording, blocks
 
