@@ -356,6 +356,7 @@ class _Progress:
 
 _LOOK_SECONDS = 1.0  # how often workers are counted
 _WAIT_SECONDS = 600.0  # how long a job waits for workers when there are none
+_ANSWER_SECONDS = 10.0  # how long an answer may take from its worker
 _GOES_ON = 'start the job again: it goes on where it stopped'
 
 
@@ -430,9 +431,8 @@ class _Run:
         self.task: dict[str, Any] = {}
         self.marks: dict[str, str | None] = {}  # of finished pieces; None of lost ones
         self.losses: dict[int, Loss] = {}
-        self.futures: dict[Any, int] = {}
-        self.answers = dask().as_completed(loop=client.loop, with_results=True,
-                                           raise_errors=False)
+        self.futures: dict[Any, tuple[int, str]] = {}  # indices and fingerprints of pieces
+        self.answers = dask().as_completed(loop=client.loop, raise_errors=False)
         self.n_computed = self.n_found = 0
         self.stopped, self.computing_seconds, self.peak = '', 0.0, (0, '')
         self.n_threads, self.looked, self.threads_seen = 0, -1e9, time.monotonic()
@@ -507,7 +507,7 @@ class _Run:
         future = self.client.submit(
             run_piece, piece, mark, key=(piece.KIND, piece.key, self.task['run'][:8]),
             priority=-index, retries=self.retries, **self.task)
-        self.futures[future] = index
+        self.futures[future] = index, mark
         self.answers.add(future)
 
     def take_answers(self) -> None:
@@ -516,27 +516,42 @@ class _Run:
             return
         with contextlib.suppress(queue.Empty):
             first = self.answers.queue.get(timeout=_LOOK_SECONDS)  # the iterator has no timeout
-            for future, answer in (first, *self.answers.next_batch(block=False)):
-                index = self.futures.pop(future)
-                self.settle(index, self.outcome(index, answer))
+            for future in (first, *self.answers.next_batch(block=False)):
+                index, mark = self.futures[future]
+                outcome = self.outcome(self.pieces[index], mark, future)
+                if outcome is None:
+                    self.answers.add(future)
+                else:
+                    del self.futures[future]
+                    self.settle(index, outcome)
 
-    def outcome(self, index: int, answer: Outcome | tuple | BaseException) -> Outcome:
-        """What became of a piece; an error of Dask is a tuple with its type and traceback."""
-        if isinstance(answer, Outcome):
-            return answer
-        error = answer[1] if isinstance(answer, tuple) else answer
-        if isinstance(error, CancelledError):
-            return Outcome('stop', 'the scheduler has gone, or dropped the piece '
-                           f'{self.pieces[index].key}; {_GOES_ON}')
-        if isinstance(error, dask().KilledWorker):
+    def outcome(self, piece: Any, mark: str, future) -> Outcome | None:
+        """What became of a piece; its record tells sooner than its worker could.
+
+        None where the answer has gone with its worker: Dask then computes the piece again.
+        """
+        record = self.records.read(piece.key, mark) if future.status == 'finished' else None
+        if record is not None:
+            return Outcome('done', record=record)
+        try:
+            return future.result(timeout=_ANSWER_SECONDS)
+        except dask().TimeoutError:
+            return None
+        except CancelledError:
+            return Outcome('stop', f'the scheduler has gone, or dropped the piece {piece.key}; '
+                           f'{_GOES_ON}')
+        except dask().KilledWorker:
             return Outcome('lost', f'its worker died {self.retries + 1} times while computing '
                            'it; memory beyond the bound of a worker is the usual cause, the log '
                            'of the worker tells')
-        if cannot_import(error):
-            return Outcome('stop', f'a worker cannot load what it should run ({error}); install '
-                           'this version of sar_imaging and its extra `archive` on all of them')
-        text = str(error) if isinstance(error, PassingTrouble) else one_line(error)
-        return Outcome('lost', text, where=_where(error))
+        except PassingTrouble as error:
+            return Outcome('lost', str(error), where=_where(error))
+        except Exception as error:
+            if cannot_import(error):
+                return Outcome('stop', f'a worker cannot load what it should run ({error}); '
+                               'install this version of sar_imaging and its extra `archive` on '
+                               'all of them')
+            return Outcome('lost', one_line(error), where=_where(error))
 
     def settle(self, index: int, outcome: Outcome) -> None:
         """Keep what became of a piece: what waited for it alone is ready."""
