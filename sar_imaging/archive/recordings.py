@@ -496,12 +496,11 @@ def _aperture(source: Source, name: str, recording: str, job: Job, output: Path,
     centres = f'{SCANS}/{name}.npz'
     _write_centres(output / centres, source, tx_m, rx_m,
                    antenna_arrays(source.illumination, looks) | scale_arrays(scale))
-    stamps = source.stamp_ns
     return ApertureScan(
         name=name, path=source.path.absolute(), recording=recording, aperture=source.aperture,
         fingerprint=fingerprint, kind=source.kind, radar=source.radar, n_pulses=source.n_pulses,
         n_channels=source.n_channels, n_samples=source.n_samples, compressed=source.compressed,
-        first_ns=int(stamps.min()), last_ns=int(stamps.max()), datum=own,
+        first_ns=int(source.stamp_ns.min()), last_ns=int(source.stamp_ns.max()), datum=own,
         footprint_m=seen.corners_m, window=seen.window,
         centre_m=tuple(coverage.centres_m.mean(axis=(0, 1)).tolist()),
         range_m=float(np.median(np.linalg.norm(coverage.centres_m - middle, axis=-1))),
