@@ -285,8 +285,8 @@ def run(node_class: type[ManagedNode], args: list[str] | None = None) -> int:
     try:
         _init(args)
         if not interrupted.is_set():
+            executor = SingleThreadedExecutor()  # later, Ctrl-C may have shut its context down
             node = _created(node_class)
-            executor = SingleThreadedExecutor()
             executor.add_node(node)
             if not node.parameters['autostart']:
                 node.health.info('autostart is false: the node waits for a life cycle manager, or '
@@ -294,7 +294,10 @@ def run(node_class: type[ManagedNode], args: list[str] | None = None) -> int:
                                  'configure`')
             elif not node.start():
                 return 1 if rclpy.ok() else 0  # Ctrl-C is no failure
-            executor.spin()
+            while rclpy.ok() and not interrupted.is_set():
+                # Of a signal that comes while rclpy installs its handler Python's alone may know,
+                # which waits for the end of this.
+                executor.spin_once(timeout_sec=1.0)
     except ExternalShutdownException:
         pass
     except ConfigurationError as error:
