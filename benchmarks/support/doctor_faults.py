@@ -318,8 +318,9 @@ FAULTS: dict[str, tuple[Callable, tuple[str, ...]]] = {
     'lever arm forgotten': (whole_arm, ('lever arm', 'odd positions')),
     'track mirrored': (mirrored, ('track mirrored in x', 'track mirrored in y',
                                   'x and y exchanged', 'scene outside the window')),
+    # along one axis, as upright, it is the same as that axis mirrored
     'positions reversed': (backwards, ('positions reversed', 'track mirrored in x',
-                                       'track mirrored in y')),
+                                       'track mirrored in y', 'track mirrored in z')),
     'order of transmitters': (transmitters, ('order of transmitters',)),
 }
 # Faults that show in the image alone, or in where the scene is.
