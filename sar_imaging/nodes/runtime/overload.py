@@ -237,7 +237,8 @@ class AgeLimit:
         return first < before - 0.5
 
     def _judge_new(self, number: int, waited_s: float, limit_s: float) -> bool:
-        if self._current is not None and not self._current.left_out:
+        # Without places it was that of a wrong counter, within a block.
+        if self._current is not None and not self._current.left_out and self._current.places:
             self._growth_s = waited_s - self._current.waited_s
             self._done = self._current
         growth_s = min(max(self._growth_s, 0.0), _ALONE * limit_s)

@@ -249,3 +249,11 @@ def test_a_stage_that_fell_behind_catches_up_within_two_apertures():
     ages, skipped, _ = fly(lambda number: 2.0 if number < 4 else 0.5)
     assert max(skipped) <= 5
     assert all(ages[number] < 0.3 for number in range(6, 12))
+
+
+def test_a_wrong_counter_within_a_block_is_no_aperture_to_compare_with():
+    limit = AgeLimit(PulseBlocks(LENGTH), lambda aperture: None)
+    for now, counters in enumerate(([0, 1], [16, 2**31, 17], [18, 19], [32, 33], [34, 35])):
+        item = block(0, len(counters) - 1)
+        item.counter[:] = counters
+        assert limit.admit(item, now, now, 10.0)[0] is item
