@@ -296,8 +296,8 @@ def run(node_class: type[ManagedNode], args: list[str] | None = None) -> int:
                 return 1 if rclpy.ok() else 0  # Ctrl-C is no failure
             while rclpy.ok() and not interrupted.is_set():
                 # Of a signal that comes while rclpy installs its handler Python's alone may know,
-                # which waits for the end of this.
-                executor.spin_once(timeout_sec=1.0)
+                # which is called when this ends: each second, for the diagnostics.
+                executor.spin_once()
     except ExternalShutdownException:
         pass
     except ConfigurationError as error:
