@@ -16,6 +16,8 @@ from tqdm import tqdm
 
 from sar_imaging.compilation import counted
 
+from .ending import run_command
+
 _DESCRIPTION = """\
 Compile what the nodes compute with, or load what was compiled before. It takes half a minute on a
 desktop and minutes on a small board, once for each version of the package on each machine. Run it
@@ -46,18 +48,18 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns the exit status."""
     parser().parse_args(argv)
+    return run_command(_compile_all, interrupted='interrupted; what was compiled so far is kept')
+
+
+def _compile_all() -> str:
     started = time.monotonic()
-    try:
-        with counted() as kernels, tqdm(_jobs(), unit='stage') as bar:
-            for name, compile_them in bar:
-                bar.set_description(name)
-                compile_them()
-    except KeyboardInterrupt:
-        print('interrupted; what was compiled so far is kept')
-        return 130
-    print(f'{kernels.n} functions compiled in {time.monotonic() - started:.0f} s, ready'
-          if kernels.n else 'nothing to compile, all kernels were there already')
-    return 0
+    with counted() as kernels, tqdm(_jobs(), unit='stage') as bar:
+        for name, compile_them in bar:
+            bar.set_description(name)
+            compile_them()
+    if not kernels.n:
+        return 'nothing to compile, all kernels were there already'
+    return f'{kernels.n} functions compiled in {time.monotonic() - started:.0f} s, ready'
 
 
 if __name__ == '__main__':

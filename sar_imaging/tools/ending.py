@@ -12,6 +12,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterator
+from types import FrameType
 from typing import TextIO
 
 from sar_imaging.files import printable, protecting_inputs, told
@@ -67,7 +68,8 @@ def run_command(run: Callable[[], str | int], *,
                 interrupted: str = 'interrupted; nothing was written') -> int:
     """Run the work of a command, print the text that it returns, or why there is none.
 
-    Files that it reads are not replaced by those that it writes. SIGTERM cleans up as Ctrl-C does.
+    Files that it reads are not replaced by those that it writes. SIGTERM cleans up as Ctrl-C does;
+    both wait until LLVM has returned.
     Warnings of Python, such as of NumPy about numbers of damaged files, are not shown.
 
     Parameters
@@ -84,7 +86,7 @@ def run_command(run: Callable[[], str | int], *,
         130 where it was interrupted.
     """
     try:
-        with _terminate_as_interrupt(), protecting_inputs(), _without_warnings():
+        with _interruptible(), protecting_inputs(), _without_warnings():
             result = run()
             if isinstance(result, int):
                 return result
@@ -109,12 +111,37 @@ def _without_warnings() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _terminate_as_interrupt() -> Iterator[None]:
-    def interrupt(signum, frame):
-        raise KeyboardInterrupt
-
-    previous = signal.signal(signal.SIGTERM, interrupt)
+def _interruptible() -> Iterator[None]:
+    """Ctrl-C, unless the shell ignores it for a job in the background, and SIGTERM interrupt."""
+    previous = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
+        for number, handler in previous.items():
+            if number == signal.SIGTERM or handler != signal.SIG_IGN:
+                signal.signal(number, _interrupt)
         yield
     finally:
-        signal.signal(signal.SIGTERM, previous)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt, but not while LLVM compiles or loads a kernel.
+
+    LLVM calls back into Python and holds a lock meanwhile. An exception there is swallowed, or
+    ends the process by a segmentation fault. Whoever called LLVM is interrupted at its next line.
+    """
+    caller = None
+    while frame is not None:
+        if frame.f_globals.get('__name__', '').startswith('llvmlite'):
+            caller = frame.f_back
+        frame = frame.f_back
+    if caller is None:
+        raise KeyboardInterrupt
+    caller.f_trace = _interrupt_traced
+    sys.settrace(lambda *_: None)  # without one, Python does not look at those of frames
+
+
+def _interrupt_traced(frame: FrameType, event: str, argument: object) -> None:
+    sys.settrace(None)
+    frame.f_trace = None
+    raise KeyboardInterrupt

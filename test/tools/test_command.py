@@ -3,10 +3,14 @@
 import signal
 import subprocess
 import sys
+import threading
 
+import llvmlite.binding as llvm
+import numba
 import pytest
 
 from sar_imaging.tools import command
+from sar_imaging.tools.ending import run_command
 
 
 @pytest.mark.parametrize('words', command.COMMANDS, ids=' '.join)
@@ -53,3 +57,33 @@ def test_commands_end_quietly_when_nobody_reads_them(arguments):
     _, errors = process.communicate(timeout=60)
     assert errors == b''
     assert process.returncode == 128 + signal.SIGPIPE
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_waits_until_llvm_has_returned(capsys, number):
+    entered = []
+
+    def enter():  # called by LLVM's lock; what is raised here would leave the lock taken
+        if not entered:
+            entered.append(True)
+            signal.raise_signal(number)
+            entered.append('after the signal')
+
+    def leave():
+        pass
+
+    def compile_one():
+        numba.njit(lambda x: x + 1)(1)
+        return 'compiled'
+
+    llvm.ffi.register_lock_callback(enter, leave)
+    try:
+        assert run_command(compile_one) == 130
+    finally:
+        llvm.ffi.unregister_lock_callback(enter, leave)
+    assert capsys.readouterr().err == 'interrupted; nothing was written\n'
+    assert entered == [True, 'after the signal']
+    later = threading.Thread(target=compile_one, daemon=True)
+    later.start()
+    later.join(60)
+    assert not later.is_alive()
