@@ -5,7 +5,7 @@ Run from the repository root::
     python -m benchmarks.autofocus
 
 40 smooth track errors of 0.1 to 10 wavelengths, 30 vibrations of 0.02 to 0.3 wavelengths and 30
-clock offsets of 5 to 100 ms, see `sar_imaging.simulation.trials.track_errors`. Autofocus is told
+clock offsets of 5 to 100 ms, see `sar_imaging.simulation.flawed_aperture`. Autofocus is told
 the kind of the error (a smooth track error with a residual phase per pulse; for the clock, a time
 offset with the same), never its size. Every corrected image is compared with the image of the
 true positions after the whole estimated track was moved rigidly, which no image shows, and after
@@ -28,18 +28,14 @@ import time
 import numpy as np
 from tqdm import tqdm
 
+from benchmarks.support.track_errors import moved_rigidly, random_size
 from sar_imaging.autofocus.autofocus import Autofocus
 from sar_imaging.autofocus.models import Geometry, nominal, with_time_offset
 from sar_imaging.autofocus.phase_gradient import PhaseGradient
 from sar_imaging.autofocus.residual import along_sight
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality import error_db, measure_scatterer
-from sar_imaging.simulation.trials.track_errors import (
-    FlawedAperture,
-    flawed_aperture,
-    moved_rigidly,
-    random_size,
-)
+from sar_imaging.simulation import FlawedAperture, flawed_aperture
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
 

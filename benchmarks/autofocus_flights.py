@@ -7,7 +7,7 @@ Run from the repository root::
     python -m benchmarks.autofocus_flights --out-of-reach   # the right offset cannot be tried
     python -m benchmarks.autofocus_flights --rails ../shared/data    # measured ones, likewise
 
-Flights of `sar_imaging.simulation.trials.drone_flights`, UWB and FMCW in turn, hovering, turning
+Flights of `benchmarks.support.drone_flights`, UWB and FMCW in turn, hovering, turning
 and on straight legs, with the poses' clock wrong by 0.03 to 2 s. Autofocus is told to expect 1, 3,
 10 or 40 times the true error, 5 s at most. Of each flight one in three has profiles that end
 within the image, so that a part of it leaves them; a moving reflector as bright as the brightest;
@@ -34,6 +34,7 @@ import time
 import numpy as np
 from tqdm import tqdm
 
+from benchmarks.support.drone_flights import MOTIONS, RADARS, DroneFlight, drone_flight
 from sar_imaging.autofocus.models import Geometry
 from sar_imaging.autofocus.offset_search import BEYOND_S, visible_phase
 from sar_imaging.autofocus.track import PhaseCentreTrack
@@ -45,7 +46,6 @@ from sar_imaging.recordings import load
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.echoes import EchoSimulator
-from sar_imaging.simulation.trials.drone_flights import MOTIONS, RADARS, DroneFlight, drone_flight
 from sar_imaging.streaming.aperture import ApertureImager
 
 from .support.machine import machine

@@ -23,6 +23,7 @@ import tempfile
 import numpy as np
 from tqdm import tqdm
 
+from benchmarks.support.drone_flights import MOTIONS, RADARS, drone_flight
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.quality import contrast
@@ -32,7 +33,6 @@ from sar_imaging.recordings.truth import make_truth
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.simulation.trials.drone_flights import MOTIONS, RADARS, drone_flight
 from sar_imaging.tools import evaluate
 from sar_imaging.tools.node_processes import (
     NodeProcesses,

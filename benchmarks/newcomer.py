@@ -21,8 +21,8 @@ from sar_imaging.recordings import open_pulses
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.simulation import flawed_aperture
 from sar_imaging.simulation.echoes import EchoSimulator, two_way_delays
-from sar_imaging.simulation.trials.track_errors import flawed_aperture
 
 from .exploitation_figures import decibels, moving_scene
 

@@ -1,6 +1,6 @@
 """Measure how far images are above their predicted errors, over random radars, tracks and maps.
 
-Every case follows from its seed (`sar_imaging.simulation.trials.random_cases`). Its image by each
+Every case follows from its seed (`benchmarks.support.random_cases`). Its image by each
 imager is compared with float64 correlation of the same pulses at the brightest and at random
 pixels. Cases are written down one by one, so that a campaign that was stopped goes on where it
 was.
@@ -25,9 +25,9 @@ import numba
 import numpy as np
 from tqdm import tqdm
 
+from benchmarks.support.random_cases import RandomCase, random_case
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality.verification import measure_error
-from sar_imaging.simulation.trials.random_cases import RandomCase, random_case
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
 

@@ -50,15 +50,18 @@ def moved(module: str, home: str, names: Iterable[str] = (), **renamed: str
     names : iterable of str
         What went there.
     **renamed : str
-        Former and present name of what also got another one.
+        Former and present name of what also got another one, or another home:
+        ``'module:name'``.
     """
     present = {name: name for name in names} | renamed
 
     def find(name: str):
         if name not in present:
             raise AttributeError(f'module {module!r} has no attribute {name!r}')
-        warnings.warn(f'{module}.{name} is now {home}.{present[name]}; the former name goes with '
-                      'the next release', DeprecationWarning, stacklevel=2)
-        return getattr(importlib.import_module(home), present[name])
+        where, _, called = present[name].rpartition(':')
+        where = where or home
+        warnings.warn(f'{module}.{name} is now {where}.{called}; the former name goes with the '
+                      'next release', DeprecationWarning, stacklevel=2)
+        return getattr(importlib.import_module(where), called)
 
     return find

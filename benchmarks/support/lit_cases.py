@@ -6,10 +6,10 @@ import dataclasses
 
 import numpy as np
 
+from benchmarks.support.random_cases import random_case
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.illumination import AntennaPattern, PatternCut, Pointing
 from sar_imaging.signal import PulseBlock
-from sar_imaging.simulation.trials.random_cases import random_case
 
 _CUTS = PatternCut.sinc, PatternCut.gaussian, PatternCut.cosine, PatternCut.uniform
 _WIDEST = 0.9  # radians

@@ -1,6 +1,6 @@
 """Tracks along a line whose speed nobody plans for: halts, haste, returns and jumps.
 
-Each takes what the tracks of `sar_imaging.simulation.trials.random_cases` take.
+Each takes what the tracks of `benchmarks.support.random_cases` take.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ import numpy as np
 from sar_imaging import MapGrid, RangeCompressor, plan_image
 from sar_imaging.autofocus import Autofocus
 from sar_imaging.recordings import load
-from sar_imaging.simulation.trials.track_errors import flawed_aperture
+from sar_imaging.simulation import flawed_aperture
 
 places = [parent / 'shared' / 'data' / 'gotcha_pass1_hh'
           for parent in pathlib.Path().resolve().parents]

@@ -119,7 +119,7 @@ class Autofocus:
     Examples
     --------
     >>> from sar_imaging.autofocus import Autofocus
-    >>> from sar_imaging.simulation.trials import flawed_aperture
+    >>> from sar_imaging.simulation import flawed_aperture
     >>> case = flawed_aperture('smooth', 0.5, seed=1, n_pulses=64, half_scene_m=6.0)
     >>> autofocus = Autofocus(case.grid, scale_m=0.05, n_phases=0, n_points=8)
     >>> result = autofocus.process(case.stated)  # positions that are 15 mm wrong

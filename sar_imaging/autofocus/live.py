@@ -48,7 +48,7 @@ def live_autofocus(grid: MapGrid, *, track_error_m: float = 0.0, time_offset_s: 
     Examples
     --------
     >>> from sar_imaging.autofocus.live import live_autofocus
-    >>> from sar_imaging.simulation.trials import flawed_aperture
+    >>> from sar_imaging.simulation import flawed_aperture
     >>> case = flawed_aperture('smooth', 0.5, seed=1, n_pulses=64, half_scene_m=6.0)
     >>> autofocus = live_autofocus(case.grid, track_error_m=0.02, n_phases=0, n_points=8)
     >>> report = autofocus.process(case.stated).report

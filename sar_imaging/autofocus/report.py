@@ -124,7 +124,7 @@ class AutofocusResult:
     Examples
     --------
     >>> from sar_imaging.autofocus import Autofocus
-    >>> from sar_imaging.simulation.trials import flawed_aperture
+    >>> from sar_imaging.simulation import flawed_aperture
     >>> case = flawed_aperture('smooth', 0.5, seed=1, n_pulses=64, half_scene_m=6.0)
     >>> result = Autofocus(case.grid, n_phases=0, n_points=8).process(case.stated)
     >>> result.image.shape, result.block.n_pulses, result.report.answer

@@ -3,7 +3,7 @@
 - `scene`, `movers`, `shadows`, `jammer`, `noise`, `trajectory`: what there is and how it moves;
 - `echoes`: the echoes, over the exact two-way path of every channel;
 - `scenarios`: ready ones by name, those of the papers among them, and one from a configuration;
-- `trials`: random radars, flights and track errors, to test predictions and autofocus on.
+- `track_errors`: apertures whose positions are wrong in a known way, to try autofocus on.
 """
 
 from .echoes import EchoSimulator
@@ -11,7 +11,8 @@ from .jammer import Jammer
 from .movers import Mover
 from .scenarios import SCENARIOS, Scenario
 from .scene import Scatterer
+from .track_errors import FlawedAperture, flawed_aperture
 from .trajectory import RasterScan, Trajectory, Vibration
 
-__all__ = ['SCENARIOS', 'EchoSimulator', 'Jammer', 'Mover', 'RasterScan', 'Scatterer',
-           'Scenario', 'Trajectory', 'Vibration']
+__all__ = ['SCENARIOS', 'EchoSimulator', 'FlawedAperture', 'Jammer', 'Mover', 'RasterScan',
+           'Scatterer', 'Scenario', 'Trajectory', 'Vibration', 'flawed_aperture']

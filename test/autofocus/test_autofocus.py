@@ -10,6 +10,7 @@ import pytest
 
 from benchmarks.measured.image_arcsar import arm_angles
 from benchmarks.support.references import exact_image
+from benchmarks.support.track_errors import moved_rigidly
 from sar_imaging.autofocus import (
     Autofocus,
     Geometry,
@@ -26,7 +27,7 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.quality import contrast, error_db
 from sar_imaging.recordings import load
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.simulation.trials.track_errors import flawed_aperture, moved_rigidly
+from sar_imaging.simulation import flawed_aperture
 
 ARC = pathlib.Path(__file__).parents[2] / '../shared/data/arcsar_77ghz/Prova_Esterna_7.bin'
 

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.support.references import exact_image
 from sar_imaging.autofocus import Autofocus
 from sar_imaging.quality import contrast, entropy
-from sar_imaging.simulation.trials.track_errors import flawed_aperture
+from sar_imaging.simulation import flawed_aperture
 
 
 @pytest.fixture(name='case', scope='module')

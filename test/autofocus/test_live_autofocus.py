@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from benchmarks.support.references import exact_image
+from benchmarks.support.track_errors import moved_rigidly
 from sar_imaging.autofocus import with_track_error
 from sar_imaging.autofocus.live import live_autofocus
 from sar_imaging.autofocus.models import nominal
 from sar_imaging.quality import error_db
-from sar_imaging.simulation.trials.track_errors import flawed_aperture, moved_rigidly
+from sar_imaging.simulation import flawed_aperture
 
 
 def test_track_and_clock_of_an_aperture_with_a_hole():

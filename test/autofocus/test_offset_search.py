@@ -9,6 +9,7 @@ import types
 import numpy as np
 import pytest
 
+from benchmarks.support.drone_flights import drone_flight
 from benchmarks.support.references import exact_image
 from sar_imaging.autofocus import Geometry
 from sar_imaging.autofocus.live import live_autofocus
@@ -24,7 +25,6 @@ from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.echoes import EchoSimulator
-from sar_imaging.simulation.trials.drone_flights import drone_flight
 
 DATA = pathlib.Path(__file__).parents[3] / 'shared' / 'data'
 SMALL = {'n_pixels': 72, 'n_pulses': 128}

@@ -11,7 +11,7 @@ from benchmarks.support.references import exact_image
 from sar_imaging.autofocus.phase_gradient import PhaseGradient
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.quality import error_db
-from sar_imaging.simulation.trials.track_errors import flawed_aperture
+from sar_imaging.simulation import flawed_aperture
 
 HALF_APERTURE_M = 15.0
 N_ALPHA, N_RANGE, RANGE_SPACING_M = 400, 160, 0.33

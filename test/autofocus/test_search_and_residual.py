@@ -8,7 +8,7 @@ import pytest
 from sar_imaging.autofocus import Geometry, nominal, with_track_error
 from sar_imaging.autofocus.residual import Residual, absorb
 from sar_imaging.autofocus.search import search
-from sar_imaging.simulation.trials.track_errors import flawed_aperture
+from sar_imaging.simulation import flawed_aperture
 
 
 @pytest.fixture(scope='module')

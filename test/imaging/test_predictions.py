@@ -6,13 +6,13 @@ import logging
 import numpy as np
 import pytest
 
+from benchmarks.support.random_cases import TRACKS, random_case
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.spectra import band_spectrum
-from sar_imaging.simulation.trials.random_cases import TRACKS, random_case
 from sar_imaging.streaming.aperture import ApertureImager
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from benchmarks.support.random_cases import random_case
 from sar_imaging.backends.edge_brightness import EdgeBrightness
 from sar_imaging.geometry import MapGrid
 from sar_imaging.planning.afbp.plan import plan_afbp
@@ -14,7 +15,6 @@ from sar_imaging.planning.afbp.polar_grids import covers
 from sar_imaging.planning.aliasing_error import TONES, PixelDensity, correction_error, guard_taper
 from sar_imaging.planning.interpolators import design_interpolator
 from sar_imaging.planning.polar_cover import DEAPODISED_TAPS, DEGREE, cover_map
-from sar_imaging.simulation.trials.random_cases import random_case
 
 
 def _read_error(between, cycles, n, guard, beta, places):

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.support.random_cases import random_case
 from sar_imaging.backends.cpu.profiles import spectra
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.correlation import correlate_profiles
@@ -14,7 +15,6 @@ from sar_imaging.planning.interpolators import design_interpolator
 from sar_imaging.planning.profiles import RangeGate
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters
-from sar_imaging.simulation.trials.random_cases import random_case
 
 
 def test_rows_from_one_place_have_the_power():

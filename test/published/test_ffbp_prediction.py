@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import scipy.fft
 
+from benchmarks.support.random_cases import random_case
 from sar_imaging.imaging.correlation import correlate_profiles
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.published.ffbp import plan_ffbp
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.simulation.echoes import scene_spectrum, two_way_delays
-from sar_imaging.simulation.trials.random_cases import random_case
 
 # Coarsest oversampling to draw from: below it kernels make noise of an image.
 COARSEST = {'knab8': 1.4, 'cubic': 1.6, 'linear': 2.0}

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from benchmarks.support.drone_flights import MOTIONS, RADARS, drone_flight
 from benchmarks.support.references import exact_image
 from sar_imaging.quality import contrast
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.simulation.trials.drone_flights import MOTIONS, RADARS, drone_flight
 
 
 # Few of the scatterers of flight 4 lie in so small an image where its motion is along legs.

@@ -1,7 +1,7 @@
 """Predicted errors of AFBP while pulses arrive, where the flown track is not the foreseen one."""
 
+from benchmarks.support.random_cases import random_case
 from sar_imaging.quality.verification import measure_error
-from sar_imaging.simulation.trials.random_cases import random_case
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures
 

@@ -1,8 +1,10 @@
-"""Random radars, flights and track errors from seeds, to test claims on."""
+"""Former place of `sar_imaging.simulation`, which a warning names; goes with the next release."""
 
-from .drone_flights import DroneFlight, drone_flight
-from .random_cases import RandomCase, random_case
-from .track_errors import FlawedAperture, flawed_aperture
+from ...names import moved
 
-__all__ = ['DroneFlight', 'FlawedAperture', 'RandomCase', 'drone_flight', 'flawed_aperture',
-           'random_case']
+__getattr__ = moved(
+    __name__, 'sar_imaging.simulation', ('FlawedAperture', 'flawed_aperture'),
+    DroneFlight='benchmarks.support.drone_flights:DroneFlight',
+    drone_flight='benchmarks.support.drone_flights:drone_flight',
+    RandomCase='benchmarks.support.random_cases:RandomCase',
+    random_case='benchmarks.support.random_cases:random_case')

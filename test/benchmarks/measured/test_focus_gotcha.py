@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.measured import focus_gotcha
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.simulation.trials.track_errors import flawed_aperture
+from sar_imaging.simulation import flawed_aperture
 
 FOLDER = pathlib.Path(__file__).parents[3] / '../shared/data/gotcha_pass1_hh'
 

@@ -8,6 +8,7 @@ import pytest
 from nav_msgs.msg import Odometry
 from std_msgs.msg import Float32MultiArray
 
+from benchmarks.support.drone_flights import drone_flight
 from benchmarks.support.references import exact_image
 from msg_conversions import pulse_block
 from msg_conversions.images import complex_from_message
@@ -29,8 +30,7 @@ from sar_imaging.recordings.bag_io import odometry_messages, split
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.simulation.trials.drone_flights import drone_flight
-from sar_imaging.simulation.trials.track_errors import flawed_aperture
+from sar_imaging.simulation import flawed_aperture
 from sar_imaging.streaming.aperture import ApertureImage, ApertureImager
 from sar_imaging.streaming.fusion import LiveFusion
 from sar_imaging.streaming.subapertures import LiveSubapertures

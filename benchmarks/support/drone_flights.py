@@ -15,13 +15,13 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ...geometry.alignment import Alignment
-from ...geometry.grids import MapGrid
-from ...geometry.poses import PoseTrack
-from ...signal.dechirp import fmcw_parameters
-from ...signal.pulses import PulseBlock
-from ...signal.radar import RadarParameters, Waveform
-from ..echoes import EchoSimulator
+from sar_imaging.geometry.alignment import Alignment
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.geometry.poses import PoseTrack
+from sar_imaging.signal.dechirp import fmcw_parameters
+from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.radar import RadarParameters, Waveform
+from sar_imaging.simulation.echoes import EchoSimulator
 
 MOTIONS = ('hover', 'turn', 'legs')
 RADARS = ('uwb', 'fmcw')
@@ -68,7 +68,7 @@ class DroneFlight:
 
     Examples
     --------
-    >>> from sar_imaging.simulation.trials import drone_flight
+    >>> from benchmarks.support.drone_flights import drone_flight
     >>> flight = drone_flight(1, motion='turn', radar_kind='uwb', n_pulses=32)
     >>> flight.track().__class__.__name__, flight.position_m.shape[1], flight.block.has_positions
     ('PoseTrack', 3, False)
@@ -136,7 +136,7 @@ def drone_flight(seed: int, *, motion: str | None = None, radar_kind: str | None
 
     Examples
     --------
-    >>> from sar_imaging.simulation.trials import drone_flight
+    >>> from benchmarks.support.drone_flights import drone_flight
     >>> flight = drone_flight(1, motion='hover', radar_kind='fmcw', n_pulses=32)
     >>> flight.block.n_pulses, flight.block.radar.waveform.name, flight.grid.shape
     (32, 'FMCW', (240, 240))

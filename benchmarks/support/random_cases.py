@@ -13,11 +13,11 @@ from collections.abc import Callable
 import numpy as np
 import scipy.fft
 
-from ...geometry.grids import MapGrid
-from ...signal.pulses import PulseBlock
-from ...signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
-from ...signal.range_compression import RangeCompressor
-from ..echoes import scene_spectrum, two_way_delays
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.simulation.echoes import scene_spectrum, two_way_delays
 
 _EARTH_RADIUS_M = 6.4e6
 _MOST_ROWS = 480  # pulses x channels: keeps a case to about a second
@@ -43,7 +43,7 @@ class RandomCase:
 
     Examples
     --------
-    >>> from sar_imaging.simulation.trials import random_case
+    >>> from benchmarks.support.random_cases import random_case
     >>> case = random_case(4)
     >>> case.profiles.compressed, case.traits['seed']
     (True, 4)
@@ -83,7 +83,7 @@ def random_case(seed: int, track: str | Callable | None = None) -> RandomCase:
 
     Examples
     --------
-    >>> from sar_imaging.simulation.trials import random_case
+    >>> from benchmarks.support.random_cases import random_case
     >>> case = random_case(3)
     >>> print(case.traits['track'], case.grid.shape, case.profiles.n_pulses, 'pulses')
     climbing (66, 69) 36 pulses
