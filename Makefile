@@ -64,7 +64,7 @@ help:
 	@echo '             archives by 1, 2 and 4 workers and in two network namespaces; their workers, or all'
 	@echo '             processes, killed at random moments, 20 times each; half an hour'
 	@echo 'make simulator'
-	@echo '             every test of the CUDA backend in a simulator of a device, five minutes'
+	@echo '             every test of the CUDA backend in a simulator of a device, half a minute'
 	@echo 'make gpu     on a machine with an NVIDIA device and the extra cuda: tests of its kernels and images, the same'
 	@echo '             under compute-sanitizer, rates and errors, rooflines; PYTHON of the device, half an hour at most'
 	@echo 'make cphd-memory'

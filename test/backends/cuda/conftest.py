@@ -13,10 +13,15 @@ import pytest
 from benchmarks.support.gpu_kernels import PAIRS, TYPES
 from sar_imaging.backends.device import device_backend
 
+from .simulator import take_turns
+
 SIMULATED = os.environ.get('NUMBA_ENABLE_CUDASIM') == '1'
 collect_ignore_glob = [] if SIMULATED or device_backend() else ['test_*.py']
 
-# The simulator starts a thread of the host for each of a block, also where a small image has no
+if SIMULATED:
+    take_turns()
+
+# The simulator takes a thread of the host for each of a block, also where a small image has no
 # pixel for it. Kernels whose blocks have any number of threads get fewer.
 for name in ('profiles', 'polar_to_map', 'illumination', 'beams', 'fusion',
              'subapertures') if SIMULATED else ():

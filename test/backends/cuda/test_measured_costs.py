@@ -29,8 +29,9 @@ def test_the_command_writes_what_the_variable_names(tmp_path, monkeypatch, capsy
     monkeypatch.setenv(VARIABLE, str(path))
     measured = device_costs()
     assert isinstance(measured, DeviceCosts)
-    # the simulator is far slower than any device, and these are bounded: 50 times the estimate
-    assert measured.line_pixel == pytest.approx(50 * DEFAULT.line_pixel)
+    # the simulator is far slower than any device; costs are bounded: 50 times the estimate
+    assert dataclasses.asdict(measured) != dataclasses.asdict(DEFAULT)
+    assert measured.line_pixel <= 50.001 * DEFAULT.line_pixel
     counts = {'line_pixel': 1e9}
     assert backend('cuda').device_costs().seconds(counts) == pytest.approx(measured.line_pixel)
 
