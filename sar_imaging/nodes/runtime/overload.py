@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from .health import Cause, Health
+from .health import Cause, Tally
 from .inlet import Inlet
 from .worker import Worker
 
@@ -24,103 +24,6 @@ _READY, _ALONE, _FRESH = 0.9, 0.75, 0.25
 # in apertures and in seconds, and for which share of an aperture at least.
 _GROWING, _GROWING_S, _LASTING = 0.05, 0.01, 0.75
 _ADMISSION_FILL = 0.5  # a new aperture begins only when the queue has come down so far
-
-
-class Gate:
-    """Lets items into a worker's queue and decides what stays outside.
-
-    With `APERTURES`, an item that finds the queue full means that its whole aperture is left
-    out: what waits of it leaves the queue, what still comes of it stays outside, and `skip` tells
-    the steps to forget what they have of it. The next aperture is let in when the queue is at
-    most half full. So some apertures are complete and the others are missing, instead of all
-    having holes. With `BLOCKS` the item alone stays outside.
-
-    Parameters
-    ----------
-    worker : Worker
-        Whose queue it is.
-    inlet : Inlet
-        How to read the items.
-    policy : str
-        `APERTURES` or `BLOCKS`.
-    skip : callable
-        Called in the worker's thread, in the order of the items, with the number of an aperture
-        that is left out, and with None when the next one begins.
-    """
-
-    def __init__(self, worker: Worker, inlet: Inlet, policy: str,
-                 skip: Callable[[int | None], None]):
-        self._worker = worker
-        self._inlet = inlet
-        self._policy = policy
-        self._skip = skip
-        self._skipped: int | None = None
-        self._furthest = 0.0  # end of what came of the aperture left out, 0 to 1
-
-    @property
-    def skipped(self) -> int | None:
-        """Number of the aperture that is left out at the moment."""
-        return self._skipped
-
-    def put(self, item, received_s: float) -> list:
-        """Offer an item to the queue, as ``(item, received_s)``.
-
-        Returns the items dropped for its sake, itself included.
-
-        Parts of items that belong to an aperture left out are dropped with it.
-        """
-        if self._policy == BLOCKS:
-            return [] if self._enqueue(item, received_s) else [item]
-        if self._skipped is not None and self._began_anew(item):
-            self._resume()
-        kept, dropped = self._split(item)
-        if kept is None:
-            return dropped
-        if self._skipped is not None:
-            if self._worker.fill > _ADMISSION_FILL:
-                return dropped + self._leave_out(kept, received_s)
-            self._resume()
-        if self._enqueue(kept, received_s):
-            return dropped
-        return dropped + self._leave_out(kept, received_s)
-
-    def _enqueue(self, item, received_s: float) -> bool:
-        return self._worker.put((item, received_s), self._inlet.n_bytes(item))
-
-    def _began_anew(self, item) -> bool:
-        """Whether a recording loops or the radar restarted within the aperture left out."""
-        if (self._inlet.apertures(item) != self._skipped).any():
-            return False
-        before, (first, last) = self._furthest, self._inlet.extent(item)
-        self._furthest = max(before, last)
-        return first < before - 0.5  # blocks that come late are not so far behind
-
-    def _resume(self) -> None:
-        self._skipped = None
-        self._worker.call(lambda: self._skip(None))
-
-    def _leave_out(self, item, received_s: float) -> list:
-        """Leave out the aperture that an item ends in."""
-        aperture = int(self._inlet.apertures(item)[-1])
-        self._skipped, self._furthest = aperture, self._inlet.extent(item)[1]
-        waiting = self._worker.clear(
-            lambda entry: bool((self._inlet.apertures(entry[0]) == aperture).all()))
-        kept, own = self._split(item)
-        if kept is not None and not self._enqueue(kept, received_s):  # of the aperture before
-            own = [item]
-        self._worker.call(lambda: self._skip(aperture))
-        return [i for i, _ in waiting] + own
-
-    def _split(self, item) -> tuple[object | None, list]:
-        """What is not of the aperture left out, and what is."""
-        if self._skipped is None:
-            return item, []
-        outside = self._inlet.apertures(item) == self._skipped
-        if outside.all():
-            return None, [item]
-        if not outside.any():
-            return item, []
-        return self._inlet.select(item, ~outside), [self._inlet.select(item, outside)]
 
 
 @dataclasses.dataclass
@@ -292,28 +195,49 @@ class AgeLimit:
             self._start = counter, stamp_ns, received_s
 
 
-class Load:
-    """What a worker is given to do: blocks are let in, left out, counted and told of.
+class Load(Worker):
+    """The worker of a stage, which leaves out what it cannot keep up with and tells of it.
+
+    With `APERTURES`, an item that finds the queue full means that its whole aperture is left
+    out: what waits of it leaves the queue, what still comes of it stays outside, and `skip` tells
+    the steps to forget what they have of it. The next aperture is let in when the queue is at
+    most half full. So some apertures are complete and the others are missing, instead of all
+    having holes. With `BLOCKS` the item alone stays outside. What has waited for too long when
+    its turn comes is left out by `AgeLimit`.
 
     Parameters
     ----------
-    worker : Worker
-        Who works.
+    work : callable
+        Called in the worker's thread with each item that was let in, what of it is to be worked
+        on, None for nothing, and when it came.
     inlet : Inlet
-        How to read the blocks.
+        How to read the items.
     parameters : mapping
-        Current values, with `overload` and `max_age_s`.
-    health : Health
+        Current values, with `overload`, `max_age_s` and those of the queue.
+    health : Tally
         Counters, with `FAULTS` and ``oldest_seconds``, and log.
     skip : callable
-        As of `Gate`.
+        Called in the worker's thread, in the order of the items, with the number of an aperture
+        that is left out, and with None when the next one begins.
+    **options
+        Of `Worker`.
+
+    Attributes
+    ----------
+    skipped : int or None
+        Number of the aperture that is left out at the moment.
     """
 
-    def __init__(self, worker: Worker, inlet: Inlet, parameters: Mapping[str, object],
-                 health: Health, skip: Callable[[int | None], None]):
-        self._worker, self._inlet, self._health = worker, inlet, health
-        self._parameters = parameters
-        self._gate = Gate(worker, inlet, parameters['overload'], skip)
+    def __init__(self, work: Callable[[object, object, float], None], inlet: Inlet,
+                 parameters: Mapping[str, object], health: Tally,
+                 skip: Callable[[int | None], None], **options):
+        super().__init__(lambda entry: work(entry[0], self._in_time(*entry), entry[1]),
+                         capacity=parameters['worker_queue_size'],
+                         max_bytes=int(1e6 * parameters['worker_queue_megabytes']), **options)
+        self._inlet, self._parameters, self._health, self._skip = inlet, parameters, health, skip
+        self._policy = parameters['overload']
+        self.skipped: int | None = None
+        self._furthest = 0.0  # end of what came of the aperture left out, 0 to 1
         self._ages = AgeLimit(inlet, skip)
         self._behind_until_s = 0.0
 
@@ -321,24 +245,84 @@ class Load:
     def _limit_s(self) -> float:
         return self._ages.limit_s(self._parameters['max_age_s'])
 
-    def put(self, item, received_s: float) -> None:
-        """Queue an item, unless the queue is full."""
-        before = self._gate.skipped
-        if not (dropped := self._gate.put(item, received_s)):
-            return
-        self._health.count('blocks_dropped', len(dropped))
-        if self._gate.skipped is None:
-            what = f'dropped {self._inlet.describe(dropped[-1])}'
-        elif self._gate.skipped != before:
-            self._health.count('apertures_skipped')
-            what = f'aperture {self._gate.skipped} is left out'
-        else:
-            return  # more of the aperture that the log has told of
-        self._health.warning(f'{what}: {self._worker.waiting} blocks wait already; the work is '
-                             'slower than the input')
+    def offer(self, item, received_s: float) -> list:
+        """Queue an item with the time at which it came, unless the queue is full.
 
-    def take(self, item, received_s: float):
-        """What of an item is to be worked on, None for nothing; in the worker's thread."""
+        Returns the items dropped for its sake, itself included.
+
+        Parts of items that belong to an aperture left out are dropped with it.
+        """
+        before = self.skipped
+        if not (dropped := self._let_in(item, received_s)):
+            return dropped
+        self._health.count('blocks_dropped', len(dropped))
+        if self.skipped is None:
+            what = f'dropped {self._inlet.describe(dropped[-1])}'
+        elif self.skipped != before:
+            self._health.count('apertures_skipped')
+            what = f'aperture {self.skipped} is left out'
+        else:
+            return dropped  # more of the aperture that the log has told of
+        self._health.warning(f'{what}: {self.waiting} blocks wait already; the work is '
+                             'slower than the input')
+        return dropped
+
+    def _let_in(self, item, received_s: float) -> list:
+        if self._policy == BLOCKS:
+            return [] if self._enqueue(item, received_s) else [item]
+        if self.skipped is not None and self._began_anew(item):
+            self._resume()
+        kept, dropped = self._split(item)
+        if kept is None:
+            return dropped
+        if self.skipped is not None:
+            if self.fill > _ADMISSION_FILL:
+                return dropped + self._leave_out(kept, received_s)
+            self._resume()
+        if self._enqueue(kept, received_s):
+            return dropped
+        return dropped + self._leave_out(kept, received_s)
+
+    def _enqueue(self, item, received_s: float) -> bool:
+        return self.put((item, received_s), self._inlet.n_bytes(item))
+
+    def _began_anew(self, item) -> bool:
+        """Whether a recording loops or the radar restarted within the aperture left out."""
+        if (self._inlet.apertures(item) != self.skipped).any():
+            return False
+        before, (first, last) = self._furthest, self._inlet.extent(item)
+        self._furthest = max(before, last)
+        return first < before - 0.5  # blocks that come late are not so far behind
+
+    def _resume(self) -> None:
+        self.skipped = None
+        self.call(lambda: self._skip(None))
+
+    def _leave_out(self, item, received_s: float) -> list:
+        """Leave out the aperture that an item ends in."""
+        aperture = int(self._inlet.apertures(item)[-1])
+        self.skipped, self._furthest = aperture, self._inlet.extent(item)[1]
+        waiting = self.clear(
+            lambda entry: bool((self._inlet.apertures(entry[0]) == aperture).all()))
+        kept, outside = self._split(item)
+        if kept is not None and not self._enqueue(kept, received_s):  # of the aperture before
+            outside = [item]
+        self.call(lambda: self._skip(aperture))
+        return [i for i, _ in waiting] + outside
+
+    def _split(self, item) -> tuple[object | None, list]:
+        """What is not of the aperture left out, and what is."""
+        if self.skipped is None:
+            return item, []
+        outside = self._inlet.apertures(item) == self.skipped
+        if outside.all():
+            return None, [item]
+        if not outside.any():
+            return item, []
+        return self._inlet.select(item, ~outside), [self._inlet.select(item, outside)]
+
+    def _in_time(self, item, received_s: float):
+        """What of an item does not come too late, None for nothing."""
         now = time.monotonic()
         kept, begun, dropped = self._ages.admit(item, received_s, now,
                                                 self._parameters['max_age_s'])
@@ -357,7 +341,7 @@ class Load:
 
     def look(self) -> bool:
         """State whether the work falls behind; True when that begins."""
-        oldest, now = self._worker.oldest, time.monotonic()
+        oldest, now = self.oldest, time.monotonic()
         waits_s = now - oldest[1] if oldest is not None else 0.0
         self._health.set('oldest_seconds', waits_s)
         text = ''

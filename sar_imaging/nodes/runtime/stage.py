@@ -38,7 +38,6 @@ from .overload import APERTURES, FAULTS, POLICIES, Load
 from .parameters import ANY_TIME, ConfigurationError, Parameter, one_of
 from .saving import FileThread
 from .step import Step, stream_qos
-from .worker import Worker
 
 CONTEXT_ENDED = RCLError, NotInitializedException, ExternalShutdownException
 
@@ -290,8 +289,7 @@ class Stage(ManagedNode):
         self._rates = Rates()
         self._watch: InputWatch | None = None
         self._chain: Chain | None = None
-        self._worker: Worker | None = None
-        self._load: Load | None = None
+        self._worker: Load | None = None
         self._subscription: Subscription | None = None
         self.create_service(Trigger, '~/reset', self._reset, callback_group=self.service_group)
         if self.STEPS[-1].FORMS_IMAGES:
@@ -327,12 +325,10 @@ class Stage(ManagedNode):
     def activate(self) -> None:
         """Subscribe and begin to work; see `ManagedNode.activate`."""
         p = self.parameters
-        self._worker = Worker(
-            self._work, capacity=p['worker_queue_size'],
-            max_bytes=int(1e6 * p['worker_queue_megabytes']), on_error=self._work_failed,
-            on_idle=self._chain.idle, idle_s=self._chain.idle_s, name=self.get_name())
+        self._worker = Load(self._work, self._inlet, p, self.health, self._chain.skip,
+                            on_error=self._work_failed, on_idle=self._chain.idle,
+                            idle_s=self._chain.idle_s, name=self.get_name())
         self._worker.start()
-        self._load = Load(self._worker, self._inlet, p, self.health, self._chain.skip)
         for step in self._chain.steps:
             step.activate(self)
         try:
@@ -399,13 +395,11 @@ class Stage(ManagedNode):
             self._reject('a message', error)
             return
         self._rates.add(self._inlet.n_pulses(item), 4 * len(message.data))
-        self._load.put(item, time.monotonic())
-        if self._load.look():  # not a second later
+        self._worker.offer(item, time.monotonic())
+        if self._worker.look():  # not a second later
             self.publish_diagnostics()
 
-    def _work(self, entry: tuple[object, float]) -> None:
-        item, received_s = entry
-        kept = self._load.take(item, received_s)
+    def _work(self, item, kept, received_s: float) -> None:
         if kept is not None:
             self._chain.work(kept, received_s)
         self._progress.publish(UInt32(data=self._inlet.last_counter(item)))
@@ -527,7 +521,7 @@ class Stage(ManagedNode):
         state = self.state
         if worker is not None and self._watch is not None:
             self.health.causes_of(CAUSES, self._watch.look())
-            self._load.look()
+            worker.look()
             state = self._watch.state
         self.health.publish(state)
 

@@ -1,15 +1,16 @@
 """What stays outside a full queue: whole apertures, whatever the blocks look like."""
 
 import threading
+import time
 
 import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 
+from sar_imaging.nodes.runtime.health import Tally
 from sar_imaging.nodes.runtime.inlet import PulseBlocks
-from sar_imaging.nodes.runtime.overload import APERTURES, BLOCKS, AgeLimit, Gate
-from sar_imaging.nodes.runtime.worker import Worker
+from sar_imaging.nodes.runtime.overload import APERTURES, BLOCKS, FAULTS, AgeLimit, Load
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 
@@ -25,27 +26,33 @@ def block(first, last):
 
 
 class Slow:
-    """A worker that waits for `work` before each item, and the gate in front of it."""
+    """A worker that waits for `work` before each item; none of them is too old for it."""
 
     def __init__(self, policy, capacity):
         self.done, self.said = [], []  # pulses, and what the steps were told with the pulses done
         self._permits = threading.Semaphore(0)
         self._worked = threading.Semaphore(0)
         self._busy = threading.Semaphore(0)
-        self.worker = Worker(self._work, capacity=capacity, on_error=lambda error: None)
-        self.gate = Gate(self.worker, PulseBlocks(LENGTH), policy,
-                         lambda aperture: self.said.append((aperture, len(self.done))))
+        health = Tally('stage', counters=FAULTS, faults=FAULTS, errors=())
+        health.warning = lambda text: None
+        self.worker = Load(
+            self._work, PulseBlocks(LENGTH),
+            {'worker_queue_size': capacity, 'worker_queue_megabytes': 1.0, 'overload': policy,
+             'max_age_s': 1e6}, health,
+            lambda aperture: self.said.append((aperture, len(self.done))),
+            on_error=lambda error: None)
         self.worker.start()
 
-    def _work(self, entry):
+    def _work(self, item, kept, received_s):
         self._busy.release()
         self._permits.acquire(timeout=PATIENCE_S)
-        self.done += entry[0].counter.tolist()
+        self.done += kept.counter.tolist()
         self._worked.release()
 
     def put(self, first, last):
         """Counters of the pulses dropped by offering a block."""
-        return [c for b in self.gate.put(block(first, last), 0.0) for c in b.counter.tolist()]
+        dropped = self.worker.offer(block(first, last), time.monotonic())
+        return [c for b in dropped for c in b.counter.tolist()]
 
     def wait_until_busy(self):
         assert self._busy.acquire(timeout=PATIENCE_S)
@@ -88,7 +95,7 @@ def test_the_newest_aperture_is_left_out_as_a_whole(make_slow):
     for first in (8, 16, 20, 24):
         assert slow.put(first, first + (7 if first == 8 else 3)) == []
     assert slow.put(28, 31) == pulses(16, 31)  # three that waited, and itself
-    assert slow.gate.skipped == 1
+    assert slow.worker.skipped == 1
     slow.work(2)  # the rest of aperture 0
     slow.worker.call(lambda: None).result(PATIENCE_S)
     assert slow.said == [(1, 16)]
@@ -106,7 +113,7 @@ def test_no_aperture_begins_until_half_of_the_queue_is_free(make_slow):
     assert slow.put(16, 16) == [16]
     assert slow.put(17, 31) == pulses(17, 31)
     assert slow.put(32, 33) == [32, 33]  # two blocks of aperture 0 wait
-    assert slow.gate.skipped == 2
+    assert slow.worker.skipped == 2
     slow.work(1)
     slow.wait_until_busy()
     assert slow.put(34, 47) == pulses(34, 47)
@@ -129,7 +136,7 @@ def test_the_next_aperture_waits_until_no_more_than_half_of_the_queue_waits(make
         slow.wait_until_busy()
     assert slow.worker.waiting == 20 - worked
     assert slow.put(32, 33) == ([] if admitted else [32, 33])
-    assert slow.gate.skipped == (None if admitted else 2)
+    assert slow.worker.skipped == (None if admitted else 2)
 
 
 def test_blocks_across_apertures_are_divided(make_slow):
@@ -166,10 +173,10 @@ def test_a_late_block_of_the_aperture_left_out_does_not_hide_the_loop(make_slow)
     slow.put(8, 11)
     assert slow.put(12, 15) == pulses(8, 15)
     assert slow.put(8, 8) == [8]  # half an aperture behind the furthest: late, no loop
-    assert slow.gate.skipped == 0
+    assert slow.worker.skipped == 0
     slow.work(1)
     assert slow.put(7, 10) == []  # further behind
-    assert slow.gate.skipped is None
+    assert slow.worker.skipped is None
     slow.finish()
     assert slow.done == [*pulses(0, 7), *pulses(7, 10)]
 
