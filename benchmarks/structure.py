@@ -10,6 +10,7 @@ import ast
 import collections
 import dataclasses
 import functools
+import importlib.util
 import io
 import json
 import pathlib
@@ -192,6 +193,40 @@ imager(PulseBlock(radar, True, np.arange(64), np.arange(64, dtype=np.uint32),
                   np.ones((64, 1, 256), np.complex64), track, track))
 print(json.dumps(sorted(name for name in sys.modules if name.startswith('sar_imaging'))))
 """
+_LAYERS = """
+import json, os, sys, threading
+import rclpy
+from msg_conversions.pulse_block import to_message
+from sar_imaging.nodes.backprojection import BackprojectionNode
+from sar_imaging.simulation import SCENARIOS
+ways = {'put': [], 'add': []}
+def watch(frame, event, _):
+    name, module = frame.f_code.co_name, frame.f_globals.get('__name__', '')
+    entered = {'put': 'sar_imaging.nodes', 'add': 'sar_imaging.backends'}.get(name)
+    if event == 'call' and entered and module.startswith(entered):
+        on_stack = []
+        while frame is not None:
+            if frame.f_globals.get('__name__', '').startswith('sar_imaging'):
+                on_stack.append(frame.f_locals.get('self'))
+            frame = frame.f_back
+        ways[name] = max(ways[name], [x for x in on_stack[::-1] if x is not None], key=len)
+sys.argv = ['backprojection']
+values = {'pulses_per_aperture': 200, 'grid.centre_x': 10_000.0, 'grid.size_x': 12.0,
+          'grid.size_y': 12.0, 'backend': 'cpu'}
+rclpy.init(args=['--ros-args', '--log-level', 'fatal'] + [
+    word for name, value in values.items() for word in ('-p', f'{name}:={value}')])
+threading.setprofile(watch)
+node = BackprojectionNode()
+node.start()
+sys.setprofile(watch)
+node._receive(to_message(next(SCENARIOS['psf']().blocks(50))))
+node._worker.call(lambda: None).result()
+layers = dict.fromkeys(
+    'backend' if type(x).__module__.startswith('sar_imaging.backends') else type(x).__name__
+    for way in ways.values() for x in way)
+print(json.dumps([*layers, 'kernel']), flush=True)
+os._exit(0)
+"""
 
 
 def _child(program: str) -> list:
@@ -212,6 +247,16 @@ def loaded_by_exact() -> int:
     return sum(m.n_code for m in modules(*PACKAGE) if m.name in names)
 
 
+def layers_of_a_live_block() -> list[str]:
+    """Objects that hand a block on from a node's callback to the kernel, by their classes.
+
+    Those on the call stack when the block is queued and when the backend adds it to the image,
+    each once; the backend and the kernel count one each. What is asked on the way and answers is
+    none, such as the inlet that reads the message. Empty without ROS.
+    """
+    return _child(_LAYERS) if importlib.util.find_spec('rclpy') else []
+
+
 def import_seconds() -> float:
     """Shortest of some first imports of the package, seconds."""
     taken = []
@@ -228,6 +273,7 @@ def measure() -> dict[str, object]:
     functions = [_n_lines(f) for m in package for f in m.functions]
     sizes = {folder: sum(m.n_code for m in modules(folder))
              for folder in (*PACKAGE, 'benchmarks', 'test')}
+    layers = layers_of_a_live_block()
     exact, afbp = passed_by_image('exact'), passed_by_image('afbp')
     return {
         'modules': len(package), 'lines of code': sum(sizes[name] for name in PACKAGE),
@@ -236,6 +282,7 @@ def measure() -> dict[str, object]:
         sum(n > LONG for n in functions), 'longest line': max(m.longest_line for m in package),
         'exact image: modules, functions': exact, 'AFBP image: modules, functions': afbp,
         'lines loaded by an exact imager': loaded_by_exact(),
+        'layers of a live block': (len(layers), ', '.join(layers)),
         'widest kernel': widest(True), 'widest function': widest(False),
         'circles of imports': circles(), 'modules of one sibling': len(only_children()),
         'import of sar_imaging, s': round(import_seconds(), 2)}

@@ -1,12 +1,14 @@
-"""Processing step of a stage without its input, shared by its node and the pipeline."""
+"""Processing steps of a stage without its input, shared by its node and the pipeline."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from sar_imaging.backends import DeviceError
 from sar_imaging.signal.pulses.sequence import StreamEvent
 
 from .health import Health, Part
@@ -21,9 +23,9 @@ if TYPE_CHECKING:
 class Step:
     """One stage of the processing: takes items in order, returns what became complete.
 
-    `Stage` makes a step when it is configured and hands the items to it, in the worker's thread
-    alone. What a step returns is published by its own `publish` and is the input of the next
-    step, if there is one.
+    `Stage` makes a step when it is configured and hands the items to `work` of the first one, in
+    the worker's thread alone. What a step returns is published by its own `publish` and is the
+    input of the next step, if there is one.
 
     Parameters
     ----------
@@ -49,7 +51,7 @@ class Step:
     SAVE_SERVICE : str
         Name of the service that calls `saving`; empty for none.
     received_s : float
-        When the latest message of the node came, on `time.monotonic`.
+        When the message came that the latest item was made of, on `time.monotonic`.
     """
 
     NAME: str
@@ -60,11 +62,15 @@ class Step:
     IDLE_PARAMETER: str | None = None
     FORMS_IMAGES = False
     SAVE_SERVICE = ''
+    _reject: Callable[[str, Exception], None]  # by the chain
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         self.parameters = parameters
         self.health = health
         self.received_s = 0.0
+        self._next: Step | None = None
+        self._idle_since_s: float | None = None  # None: nothing is underway
+        self._told: list[str] | None = None  # products of a call of `Chain.form_image`, in words
 
     @classmethod
     def create(cls, parameters: Mapping[str, object], health: Health | Part) -> Step:
@@ -79,6 +85,43 @@ class Step:
 
     def deactivate(self, node: Stage) -> None:
         """Undo `activate`; safe when that failed halfway."""
+
+    def work(self, item, received_s: float) -> None:
+        """Process an item and hand on what became complete.
+
+        Parameters
+        ----------
+        item
+            Of the kind that the inlet reads.
+        received_s : float
+            When it came, or what it was made of, on `time.monotonic`.
+        """
+        self.received_s = received_s
+        try:
+            products = self.process(item)
+        except (ValueError, MemoryError, DeviceError) as error:
+            self._reject(self.INLET.describe(item), error)
+            return
+        finally:
+            self._idle_since_s = time.monotonic()
+        self.hand_on(products)
+        self.hand_on(self.prepare())
+
+    def hand_on(self, products: Iterable) -> None:
+        """Publish products, each before the next step works on it."""
+        for product in products:
+            self.publish(product)
+            if self._next is not None:
+                self._next.work(product, self.received_s)
+            elif self._told is not None:
+                self._told.append(self.describe(product))
+
+    @property
+    def flush_due_s(self) -> float | None:
+        """When the input will have paused for too long; None where nothing is underway."""
+        if self.IDLE_PARAMETER is None or self._idle_since_s is None:
+            return None
+        return self._idle_since_s + self.parameters[self.IDLE_PARAMETER]
 
     def process(self, item) -> list:
         """Work on an item and return the products that became complete.
@@ -160,6 +203,65 @@ class Step:
                 self.health.info(event.text)
             else:
                 self.health.warning(event.text)
+
+
+class Chain:
+    """The steps of a stage in their order, linked; all methods are called in the same thread.
+
+    Parameters
+    ----------
+    steps : list of Step
+        In the order of the work.
+    reject : callable
+        Called with an item in words and the error with which a step refused it.
+    """
+
+    def __init__(self, steps: list[Step], reject: Callable[[str, Exception], None]):
+        self.steps = steps
+        for step, following in zip(steps, [*steps[1:], None], strict=True):
+            step._next, step._reject = following, reject
+
+    def idle_s(self) -> float | None:
+        """Seconds until a step has been without input for too long; None when none waits."""
+        due = [step.flush_due_s for step in self.steps if step.flush_due_s is not None]
+        return max(0.0, min(due) - time.monotonic()) if due else None
+
+    def idle(self) -> None:
+        """Flush the steps that have been without input for too long."""
+        for step in self.steps:
+            if step.flush_due_s is not None and step.flush_due_s <= time.monotonic():
+                step._idle_since_s = None
+                step.hand_on(step.flush())
+
+    def collect(self) -> None:
+        """Pass on what steps have ready without an item of the input; see `Step.collect`."""
+        for step in self.steps:
+            step.hand_on(step.collect())
+
+    def form_image(self) -> tuple[bool, str]:
+        """Finish what is underway in all steps; whether that gave something, and what or why."""
+        last = self.steps[-1]
+        last._told = []
+        for step in self.steps:
+            step.hand_on(step.flush())
+        formed, last._told = last._told, None
+        return (True, '; '.join(formed)) if formed else (False, last.nothing_formed())
+
+    def skip(self, aperture: int | None) -> None:
+        """Leave out an aperture in every step; see `Step.skip`."""
+        for step in self.steps:
+            step.hand_on(step.skip(aperture))
+
+    def discard(self) -> int:
+        """Forget what is underway and return its number of pulses."""
+        n_pulses = 0
+        for step in self.steps:
+            step._idle_since_s = None
+            dropped = step.discard()
+            # What a step of another input holds was made from pulses that are counted already.
+            if step is self.steps[0] or issubclass(step.INLET, PulseBlocks):
+                n_pulses += dropped
+        return n_pulses
 
 
 def stream_qos(parameters: Mapping[str, object]) -> QoSProfile:

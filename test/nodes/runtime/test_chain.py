@@ -6,10 +6,9 @@ import pytest
 
 pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 
-from sar_imaging.nodes.runtime import stage
+from sar_imaging.nodes.runtime import step as module
 from sar_imaging.nodes.runtime.inlet import PulseBlocks, SubapertureImages
-from sar_imaging.nodes.runtime.stage import Chain
-from sar_imaging.nodes.runtime.step import Step
+from sar_imaging.nodes.runtime.step import Chain, Step
 
 
 class Keeper(Step):
@@ -55,7 +54,7 @@ class Keeper(Step):
 @pytest.fixture
 def clock(monkeypatch):
     clock = types.SimpleNamespace(now_s=50.0)
-    monkeypatch.setattr(stage, 'time', types.SimpleNamespace(monotonic=lambda: clock.now_s))
+    monkeypatch.setattr(module, 'time', types.SimpleNamespace(monotonic=lambda: clock.now_s))
     return clock
 
 
@@ -68,7 +67,7 @@ def test_products_are_published_and_handed_on():
     first, second = Keeper('first'), Keeper('second')
     row, _ = make(first, second)
     for number in range(1, 7):
-        row.work(number, 3.5)
+        row.steps[0].work(number, 3.5)
     assert (first.published, second.held, second.published) == ([6, 15], [6, 15], [])
     assert first.received_s == second.received_s == 3.5
     assert row.form_image() == (True, 'second 21')
@@ -80,14 +79,14 @@ def test_what_one_step_made_for_another_is_not_counted_twice_when_both_are_reset
     pulses, images = Keeper('pulses'), Keeper('images', inlet=SubapertureImages)
     row, _ = make(pulses, images)
     for number in range(5):
-        row.work(number, 0.0)
+        row.steps[0].work(number, 0.0)
     assert (len(pulses.held), len(images.held)) == (2, 1)
     assert row.discard() == 2
     assert (pulses.held, images.held) == ([], [])
     # Steps of one kind of input hold different pulses.
     row, _ = make(Keeper('pulses'), Keeper('blocks'))
     for number in range(5):
-        row.work(number, 0.0)
+        row.steps[0].work(number, 0.0)
     assert row.discard() == 3
     assert row.discard() == 0
 
@@ -100,7 +99,7 @@ def test_what_could_wait_is_handed_on_before_the_next_item():
     first, second = Later('first'), Keeper('second')
     row, _ = make(first, second)
     for number in (4, 5):
-        row.work(number, 0.0)
+        row.steps[0].work(number, 0.0)
         assert first.held == []
     assert (first.published, second.held) == ([4, 5], [4, 5])
 
@@ -110,7 +109,7 @@ def test_a_refused_item_is_told_and_the_next_one_worked_on(monkeypatch):
     step = Keeper('step')
     row, rejected = make(step)
     for number in (1, -2, 2, 3):
-        row.work(number, 0.0)
+        row.steps[0].work(number, 0.0)
     assert rejected == ['-2 is negative'] and step.published == [6]
 
 
@@ -118,10 +117,10 @@ def test_a_step_is_flushed_once_when_its_input_pauses(clock):
     first, second = Keeper('first', timeout_s=2.0), Keeper('second', timeout_s=5.0)
     row, _ = make(first, second)
     assert row.idle_s() is None  # nothing is underway
-    row.work(1, 0.0)
+    row.steps[0].work(1, 0.0)
     assert row.idle_s() == 2.0
     clock.now_s += 1.5
-    row.work(2, 0.0)
+    row.steps[0].work(2, 0.0)
     clock.now_s += 1.999
     row.idle()
     assert first.published == []
@@ -142,7 +141,7 @@ def test_a_step_is_flushed_once_when_its_input_pauses(clock):
 def test_a_refused_item_is_input_too(clock, monkeypatch):
     monkeypatch.setattr(PulseBlocks, 'describe', staticmethod(str))
     row, _ = make(Keeper('step', timeout_s=2.0))
-    row.work(-1, 0.0)
+    row.steps[0].work(-1, 0.0)
     assert row.idle_s() == 2.0
     row.discard()
     assert row.idle_s() is None
@@ -151,7 +150,7 @@ def test_a_refused_item_is_input_too(clock, monkeypatch):
 def test_without_a_timeout_nothing_is_flushed(clock):
     step = Keeper('step')
     row, _ = make(step)
-    row.work(1, 0.0)
+    row.steps[0].work(1, 0.0)
     clock.now_s += 1e9
     row.idle()
     assert row.idle_s() is None and step.held == [1]
@@ -160,7 +159,7 @@ def test_without_a_timeout_nothing_is_flushed(clock):
 def test_every_step_is_told_of_an_aperture_left_out_and_what_is_ready_goes_on():
     first, second = Keeper('first'), Keeper('second')
     row, _ = make(first, second)
-    row.work(7, 0.0)
+    row.steps[0].work(7, 0.0)
     row.skip(4)
     row.skip(None)
     assert first.told == second.told == [4, None]
