@@ -32,13 +32,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from benchmarks.reproduction.letter_scene import spotlight_letter
 from sar_imaging.backends import DeviceError, backend
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
-from sar_imaging.simulation.scenarios.spotlight_letter import spotlight_letter
 
 from .support.gpu_streams import from_raw, live
 from .support.machine import machine

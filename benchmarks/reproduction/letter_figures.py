@@ -10,13 +10,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from benchmarks.support.reporting import decibels, draw_grid
-from sar_imaging.geometry import MapGrid
-from sar_imaging.quality import crop
-from sar_imaging.simulation.scenarios.spotlight_letter import (
+from benchmarks.reproduction.letter_scene import (
     PAIR_SEPARATION_M,
     SpotlightExperiment,
 )
+from benchmarks.support.reporting import decibels, draw_grid
+from sar_imaging.geometry import MapGrid
+from sar_imaging.quality import crop
 
 from .letter_imagers import COMPARED, CUTS, EXACT
 from .letter_measurements import SubsceneImage

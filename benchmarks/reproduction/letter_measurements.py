@@ -7,13 +7,13 @@ import math
 
 import numpy as np
 
-from sar_imaging.geometry import MapGrid
-from sar_imaging.quality import ScattererQuality, measure_scatterer, sample_image
-from sar_imaging.simulation.scenarios.spotlight_letter import (
+from benchmarks.reproduction.letter_scene import (
     PAIR_SEPARATION_M,
     SUBSCENE_M,
     SpotlightExperiment,
 )
+from sar_imaging.geometry import MapGrid
+from sar_imaging.quality import ScattererQuality, measure_scatterer, sample_image
 
 PATCH_SPACING_M = 0.05
 CUT_HALF_WIDTH_M = 3.0  # of the point responses, on both axes

@@ -9,11 +9,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numba
 import numpy as np
 
+from benchmarks.reproduction.letter_scene import SpotlightExperiment
 from sar_imaging.geometry import MapGrid
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.signal.windows import window as window_weights
-from sar_imaging.simulation.scenarios.spotlight_letter import SpotlightExperiment
 
 OVERSAMPLING = 1.25  # of the profiles: the least that the imagers take
 PATCH_MARGIN_M = 8.0  # of profiles kept beyond a patch, for interpolators and sidelobes

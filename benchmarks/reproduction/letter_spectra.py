@@ -8,10 +8,10 @@ import math
 import numpy as np
 import scipy.fft
 
+from benchmarks.reproduction.letter_scene import SUBSCENE_M
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.radar import SPEED_OF_LIGHT
-from sar_imaging.simulation.scenarios.spotlight_letter import SUBSCENE_M
 
 from .letter_measurements import subscene_grid
 from .letter_recording import Recording

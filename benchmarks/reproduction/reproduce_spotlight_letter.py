@@ -18,15 +18,15 @@ import numba
 import numpy as np
 from tqdm import tqdm
 
-from benchmarks.support.reporting import run_and_report
-from sar_imaging.quality import error_db
-from sar_imaging.quality.verification import measure_error
-from sar_imaging.simulation.scenarios.spotlight_letter import (
+from benchmarks.reproduction.letter_scene import (
     RESOLUTION_M,
     SIZES,
     SpotlightExperiment,
     spotlight_letter,
 )
+from benchmarks.support.reporting import run_and_report
+from sar_imaging.quality import error_db
+from sar_imaging.quality.verification import measure_error
 
 from . import letter_figures as figures, letter_imagers as imagers, letter_measurements as measure
 from .letter_recording import Recording

@@ -13,11 +13,11 @@ from benchmarks.reproduction import (
     reproduce_spotlight_letter,
 )
 from benchmarks.reproduction.letter_recording import Recording
+from benchmarks.reproduction.letter_scene import spotlight_letter
 from benchmarks.reproduction.letter_spectra import measure_spectra
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.quality import error_db
 from sar_imaging.signal.spectra import band_spectrum
-from sar_imaging.simulation.scenarios.spotlight_letter import spotlight_letter
 
 FFBP_LINEAR = imagers.ffbp_name('linear', 1.3, 16)
 FFBP_KNAB = imagers.ffbp_name('knab8', 1.8, 16)

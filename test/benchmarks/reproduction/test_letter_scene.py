@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.reproduction.letter_scene import SIZES, spotlight_letter
 from sar_imaging.quality import error_db
 from sar_imaging.simulation.echoes import EchoSimulator
-from sar_imaging.simulation.scenarios.spotlight_letter import SIZES, spotlight_letter
 from sar_imaging.simulation.scene import positions_and_amplitudes
 
 

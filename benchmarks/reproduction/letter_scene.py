@@ -11,10 +11,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...geometry.grids import MapGrid
-from ...signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
-from ..echoes import two_way_delays
-from ..scene import Scatterer, positions_and_amplitudes
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
+from sar_imaging.simulation.echoes import two_way_delays
+from sar_imaging.simulation.scene import Scatterer, positions_and_amplitudes
 
 CARRIER_HZ = 10e9  # "X band"
 BANDWIDTH_HZ = 1.16e9
