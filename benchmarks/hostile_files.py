@@ -140,7 +140,7 @@ def _forked(call: Callable[[], object]) -> None:
 
 def _command(words: Sequence[str]) -> int:
     from sar_imaging.tools import command
-    from sar_imaging.tools.ending import run_command
+    from sar_imaging.tools.program import run_command
 
     if words[0] == 'read':
         return run_command(lambda: f'{CALLS[words[1]](pathlib.Path(words[2]))}')

@@ -169,7 +169,10 @@ def test_executables_exist():
         name, module, function = re.fullmatch(r'(\w+) = ([\w.]+):(\w+)', script).groups()
         assert module.split('.')[-1] == name
         tree = ast.parse((ROOT / (module.replace('.', '/') + '.py')).read_text())
-        assert function in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+        assert function in {node.name if isinstance(node, ast.FunctionDef)
+                            else ast.unparse(node.targets[0])
+                            for node in tree.body
+                            if isinstance(node, (ast.Assign, ast.FunctionDef))}
 
 
 def test_every_command_is_an_executable_of_ros():

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from sar_imaging.files import filling
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.recordings.bag_io import read_truth
-from sar_imaging.tools.ending import run_command
+from sar_imaging.tools.program import run_command
 
 _ZOOM_M = 0.5  # half width around a reflector
 

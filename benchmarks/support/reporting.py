@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sar_imaging.files import filling
-from sar_imaging.tools.ending import run_command
+from sar_imaging.tools.program import run_command
 
 
 def run_and_report(folder: Path, run: Callable[[Path], dict], summary: Callable[[dict], str]

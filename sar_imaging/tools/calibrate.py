@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +23,7 @@ from sar_imaging.signal.pulses import PulseBlock, concatenate
 from sar_imaging.signal.range_compression import RangeCompressor
 
 from ..recordings import open_pulses
-from .ending import run_command
+from .program import command_parser, main_of
 
 MOST_PIXELS = 200_000  # of the scene to balance over; coarser pixels above
 
@@ -100,10 +99,9 @@ def _pixels(grid: MapGrid) -> np.ndarray:
 
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
-    p = argparse.ArgumentParser(
-        prog='calibrate', description='Estimate amplitude, phase and delay of the channels of a '
-        'recording, at a strong reflector or balanced over the scene of its truth.',
-        epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = command_parser('calibrate', 'Estimate amplitude, phase and delay of the channels of a '
+                       'recording, at a strong reflector or balanced over the scene of its truth.',
+                       _EPILOG)
     p.add_argument('bag', type=Path, help='folder of a recording (rosbag2), or description')
     p.add_argument('--output', type=Path, required=True, metavar='FILE', help='YAML file to write')
     source = p.add_mutually_exclusive_group()
@@ -115,12 +113,6 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument('--aperture', type=int, default=0, metavar='N',
                    help='number of the aperture to use (default: %(default)s)')
     return p
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    return run_command(lambda: run(arguments))
 
 
 def run(arguments: argparse.Namespace) -> str:
@@ -144,6 +136,8 @@ def _read(path: Path, aperture: int) -> tuple[PulseBlock, MapGrid]:
         raise CalibrationFailed(f'{path} proposes no grid, whose pixels calibration works with')
     return concatenate(list(source.blocks())), source.grid
 
+
+main = main_of(parser, run)
 
 if __name__ == '__main__':
     sys.exit(main())

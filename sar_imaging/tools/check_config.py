@@ -30,8 +30,8 @@ from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.yaml_text import load_yaml
 
-from .ending import run_command
 from .launching import named_config
+from .program import command_parser, main_of
 
 # A part of the problem that takes about a second; larger ones are faster per pixel and pulse.
 MEASURED_PIXELS = 512
@@ -51,10 +51,8 @@ when not, 2 for wrong options.
 
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
-    p = argparse.ArgumentParser(
-        prog='check_config', description='Derive resolution, ambiguities, memory and time from '
-        'a parameter file, and refuse what cannot work.', epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = command_parser('check_config', 'Derive resolution, ambiguities, memory and time from a '
+                       'parameter file, and refuse what cannot work.', _EPILOG)
     p.add_argument('file', type=named_config,
                    help='ROS parameter file, or name of a shipped one')
     p.add_argument('--measure', action='store_true',
@@ -72,12 +70,6 @@ def _given(text: str) -> tuple[str, object]:
     if not (separator and name):
         raise argparse.ArgumentTypeError(f'{text} is no NAME:=VALUE, such as mode:=volume')
     return name, load_yaml(value)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    return run_command(lambda: run(arguments))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -185,6 +177,8 @@ def measure_rate(acquisition: Acquisition, imaging: Imaging, derived: Derived) -
         seconds.append(time.perf_counter() - started)
     return grid.n_x * grid.n_y * n_pulses * acquisition.n_channels / min(seconds)
 
+
+main = main_of(parser, run)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import sar_imaging
 
-from .ending import ending_with_the_reader
+from .program import ending_with_the_reader
 
 #: Words of a command, and the module of this package whose `main` it is.
 COMMANDS = {

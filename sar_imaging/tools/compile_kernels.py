@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from tqdm import tqdm
 
 from sar_imaging.compilation import counted
 
-from .ending import run_command
+from .program import command_parser, main_of
 
 _DESCRIPTION = """\
 Compile what the nodes compute with, or load what was compiled before. It takes half a minute on a
@@ -41,17 +41,11 @@ def _jobs() -> list[tuple[str, Callable[[], None]]]:
 
 def parser() -> argparse.ArgumentParser:
     """Command line of this program."""
-    return argparse.ArgumentParser(
-        description=_DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter)
+    return command_parser(None, _DESCRIPTION)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns the exit status."""
-    parser().parse_args(argv)
-    return run_command(_compile_all, interrupted='interrupted; what was compiled so far is kept')
-
-
-def _compile_all() -> str:
+def run(_: argparse.Namespace) -> str:
+    """Compile all of it; returns a line about that."""
     started = time.monotonic()
     with counted() as kernels, tqdm(_jobs(), unit='stage') as bar:
         for name, compile_them in bar:
@@ -61,6 +55,9 @@ def _compile_all() -> str:
         return 'nothing to compile, all kernels were there already'
     return f'{kernels.n} functions compiled in {time.monotonic() - started:.0f} s, ready'
 
+
+main = main_of(parser, run,
+               interrupted='interrupted; what was compiled so far is kept')
 
 if __name__ == '__main__':
     raise SystemExit(main())

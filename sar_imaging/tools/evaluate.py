@@ -30,7 +30,6 @@ from sar_imaging.quality import ScattererQuality, measure_scatterer
 from ..recordings.bag_io import pose_messages, raw_messages
 from ..recordings.recording import Aperture, Recording, read_recording
 from .arguments import add_aperture, add_output
-from .ending import run_command
 from .evaluation import examination, node_launch
 from .evaluation.examination import summary
 from .evaluation.node_launch import plan_launch
@@ -45,6 +44,7 @@ from .node_processes import (
     node_names,
 )
 from .plots import save_image_png
+from .program import command_parser, main_of
 
 PRODUCTS = ('image.npy', 'image.png', 'quality.json')
 START_TIMEOUT_S = 180.0  # importing and compiling on a slow machine
@@ -70,10 +70,8 @@ class EvaluationError(RuntimeError):
 
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
-    p = argparse.ArgumentParser(
-        prog='evaluate', description='Replay a recording of radar pulses through the nodes over '
-        'real DDS, wait for the image and measure it.',
-        epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = command_parser('evaluate', 'Replay a recording of radar pulses through the nodes over '
+                       'real DDS, wait for the image and measure it.', _EPILOG)
     p.add_argument('bag', type=Path, help='rosbag2 folder with the topic /pulses')
     add_output(p)
     p.add_argument('--launch-nodes', action='store_true',
@@ -110,21 +108,11 @@ def _namespace(text: str) -> str:
     return name
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns its exit status."""
-    p = parser()
-    arguments = p.parse_args(argv)
-    if not arguments.launch_nodes and (arguments.config or arguments.params or arguments.values):
-        p.error('--config, --params and -p tell parameters of nodes that --launch-nodes starts; '
-                'those that run already keep theirs')
-    return run_command(lambda: run(arguments))
-
-
 def run(arguments: argparse.Namespace) -> int:
-    """Evaluate as the command line asks; returns the exit status.
-
-    Raises one of the errors that `main` knows.
-    """
+    """Evaluate as the command line asks; returns the exit status."""
+    if not arguments.launch_nodes and (arguments.config or arguments.params or arguments.values):
+        parser().error('--config, --params and -p tell parameters of nodes that --launch-nodes '
+                       'starts; those that run already keep theirs')
     recording = read_recording(arguments.bag)
     if recording.phase_centre_m is None:
         raise EvaluationError(f'{arguments.bag} has pulses without phase centres and no poses to '
@@ -375,6 +363,8 @@ def _title(recording: Recording, result: _Result) -> str:
     return (f'{name}: aperture {result.aperture.number}, {result.aperture.n_pulses} pulses, '
             f'{radar.carrier_hz / 1e9:.4g} GHz, {radar.bandwidth_hz / 1e6:.4g} MHz')
 
+
+main = main_of(parser, run)
 
 if __name__ == '__main__':
     sys.exit(main())

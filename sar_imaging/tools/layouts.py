@@ -10,7 +10,6 @@ import importlib.resources
 import json
 import math
 import sys
-from collections.abc import Sequence
 
 import yaml
 
@@ -20,8 +19,8 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.yaml_text import load_yaml
 
 from .arguments import add_output
-from .ending import run_command
 from .launching import find_config
+from .program import command_parser, main_of
 
 _SHARED = ('/tf', '/diagnostics', '/rosout')  # of all radars
 _EPILOG = """\
@@ -35,21 +34,13 @@ sar_imaging.foxglove.json fits the default configuration: frame map, 100 m by 10
 
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
-    p = argparse.ArgumentParser(
-        prog='layouts', description='Write layouts of RViz and Foxglove that show what a '
-        'configuration images, in its frame and at its size.', epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = command_parser('layouts', 'Write layouts of RViz and Foxglove that show what a '
+                       'configuration images, in its frame and at its size.', _EPILOG)
     p.add_argument('config', help='ROS parameter file, or name of a shipped one')
     add_output(p, 'the layouts')
     p.add_argument('--namespace', default='', metavar='NAME',
                    help='namespace of the nodes, such as radar1 (default: none)')
     return p
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    return run_command(lambda: run(arguments))
 
 
 def run(arguments: argparse.Namespace) -> str:
@@ -151,6 +142,8 @@ def foxglove_layout(grid: MapGrid, frame: str, namespace: str = '') -> dict:
                 'frameId': frame, 'position': list(grid.centre_m)}
     return layout
 
+
+main = main_of(parser, run)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -29,7 +29,7 @@ from ..signal.positioning import locate
 from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
 from ..yaml_text import load_yaml
-from .ending import run_command
+from .program import command_parser, main_of
 
 # What the alignment may be wrong by
 EXPECTED_ERROR = {'time_offset_s': 0.05, 'range_bias_m': 0.2}
@@ -169,8 +169,7 @@ recording.
 
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
-    p = argparse.ArgumentParser(prog='load', description=_DESCRIPTION,
-                                formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = command_parser('load', _DESCRIPTION)
     p.add_argument('description', help='YAML file, or the name of a shipped one: '
                    f'{", ".join(shipped_names())}')
     p.add_argument('data', type=Path, nargs='?',
@@ -235,11 +234,7 @@ def _write_loaded(loaded: Loaded, output: Path, arguments: argparse.Namespace) -
     return f'{output}: {block.n_pulses} pulses in {count} messages{told}'
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    return run_command(lambda: _write(arguments))
-
+main = main_of(parser, _write)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -9,14 +9,13 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from sar_imaging.backends import CUDA, backend
 from sar_imaging.files import check_target
 from sar_imaging.planning.costs import DEFAULT, VARIABLE, CostModel
 
-from .ending import run_command
+from .program import command_parser, main_of
 
 _DESCRIPTION = """\
 Time small images on one thread, find the costs that explain their times best, and write them to a
@@ -26,8 +25,7 @@ file. It takes some 20 seconds, on a device a minute or two; let the machine do 
 
 def parser() -> argparse.ArgumentParser:
     """Command line of this program."""
-    made = argparse.ArgumentParser(
-        description=_DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter)
+    made = command_parser(None, _DESCRIPTION)
     made.add_argument('--output', type=Path, default=Path('costs.json'),
                       help='file for the costs (%(default)s)')
     made.add_argument('--device', action='store_true',
@@ -36,14 +34,9 @@ def parser() -> argparse.ArgumentParser:
     return made
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns the exit status."""
-    given = parser().parse_args(argv)
-    return run_command(lambda: run(given.output, device=given.device))
-
-
-def run(path: Path, *, device: bool) -> str:
+def run(arguments: argparse.Namespace) -> str:
     """Measure and write the costs; returns what a person reads."""
+    path, device = arguments.output, arguments.device
     check_target(path)  # not after all the measuring
     if not path.absolute().parent.is_dir():
         raise FileNotFoundError(f'{path.absolute().parent} is no folder; make it first')
@@ -78,6 +71,8 @@ def _usage(path: Path, device: bool) -> str:
             'plan with these costs. Their plans, and the last bits of their images, then differ '
             'from\nthose of other machines.')
 
+
+main = main_of(parser, run)
 
 if __name__ == '__main__':
     sys.exit(main())

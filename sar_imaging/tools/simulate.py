@@ -9,7 +9,6 @@ import argparse
 import dataclasses
 import math
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from sar_imaging.configuration.datum import configured_datum
@@ -21,8 +20,8 @@ from sar_imaging.simulation.scenarios.scenario import Scenario
 
 from ..recordings.bag_io import check_target, with_progress, write_bag
 from ..recordings.truth import antenna_truth, make_truth
-from .ending import run_command
 from .launching import named_config
+from .program import command_parser, main_of
 
 _EPILOG = """\
 The recording is a rosbag2 folder (mcap) with the topic /pulses. The same command gives the same
@@ -62,10 +61,8 @@ def scenario_truth(scenario: Scenario, *, window: str = 'none', frame: str = 'ma
 
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
-    p = argparse.ArgumentParser(
-        prog='simulate', description='Simulate radar pulses and write them as a rosbag2 '
-        'recording (mcap) with the truth in its metadata.', epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = command_parser('simulate', 'Simulate radar pulses and write them as a rosbag2 recording '
+                       '(mcap) with the truth in its metadata.', _EPILOG)
     p.add_argument('scenario', nargs='?', metavar='SCENARIO',
                    help=f'one of {", ".join(SCENARIOS)}; --list describes them')
     p.add_argument('--config', type=named_config, metavar='FILE',
@@ -102,22 +99,19 @@ def _not_negative(text: str) -> float:
     return value
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns its exit status."""
-    p = parser()
-    arguments = p.parse_args(argv)
+def run(arguments: argparse.Namespace) -> str:
+    """Write the recording; returns a line about it, or the list of scenarios."""
+    name = arguments.scenario
     if arguments.list:
-        print(describe_scenarios())
-        return 0
+        return describe_scenarios()
     if arguments.config is not None:
-        if arguments.scenario:
-            p.error(f'name a scenario, {arguments.scenario}, or --config, not both')
-        return run_command(lambda: _write_configured(arguments))
-    if arguments.scenario not in SCENARIOS:
-        p.error(f'scenario {arguments.scenario!r} is unknown; use one of {", ".join(SCENARIOS)}'
-                if arguments.scenario else 'name a scenario, or --list')
-    scenario = SCENARIOS[arguments.scenario]()
-    return run_command(lambda: _write(scenario, arguments))
+        if name:
+            parser().error(f'name a scenario, {name}, or --config, not both')
+        return _write_configured(arguments)
+    if name not in SCENARIOS:
+        parser().error(f'scenario {name!r} is unknown; use one of {", ".join(SCENARIOS)}'
+                       if name else 'name a scenario, or --list')
+    return _write(SCENARIOS[name](), arguments)
 
 
 def describe_scenarios() -> str:
@@ -164,6 +158,8 @@ def _write(scenario: Scenario, arguments: argparse.Namespace, *, window: str = '
     return (f'{output}: {scenario.n_pulses} pulses of {scenario.n_channels} channels in {count} '
             f'messages, {len(scenario.scatterers)} scatterers')
 
+
+main = main_of(parser, run)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -9,7 +9,7 @@ import argparse
 import dataclasses
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +23,7 @@ from sar_imaging.simulation.survey import Survey, SurveyRecording
 
 from ..recordings.bag_io import BagError, write_bag
 from ..recordings.truth import make_truth
-from .ending import run_command
+from .program import command_parser, main_of
 
 TRUTH_FILE = 'archive.json'
 FORMATS = ('bag', 'cphd')
@@ -172,9 +172,8 @@ def _truth(recording: SurveyRecording) -> dict:
 
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
-    p = argparse.ArgumentParser(
-        prog='sar-imaging simulate archive', description='Simulate an archive of recordings.',
-        epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = command_parser('sar-imaging simulate archive', 'Simulate an archive of recordings.',
+                       _EPILOG)
     default = Survey()
     p.add_argument('--output', type=Path, required=True, metavar='FOLDER', help='to make')
     p.add_argument('--format', choices=FORMATS, default=FORMATS[0],
@@ -208,12 +207,6 @@ def parser() -> argparse.ArgumentParser:
     return p
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    return run_command(lambda: _run(arguments))
-
-
 def _run(arguments: argparse.Namespace) -> str:
     names = {field.name for field in dataclasses.fields(Survey)} - {'datum'}
     survey = Survey(datum=Datum(*arguments.datum),
@@ -234,6 +227,8 @@ def _run(arguments: argparse.Namespace) -> str:
             f'{survey.apertures} aperture(s); {survey.n_bytes / 1e6:.3g} MB of samples, '
             f'{len(truth["reflectors_m"])} reflectors')
 
+
+main = main_of(parser, _run)
 
 if __name__ == '__main__':
     sys.exit(main())

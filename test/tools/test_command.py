@@ -10,7 +10,7 @@ import numba
 import pytest
 
 from sar_imaging.tools import command
-from sar_imaging.tools.ending import run_command
+from sar_imaging.tools.program import run_command
 
 
 @pytest.mark.parametrize('words', command.COMMANDS, ids=' '.join)

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from ...archive.job import changed, read_job
 from ...archive.workflow import plan_archive, run_archive
-from ..ending import run_command
+from ..program import command_parser, main_of
 
 _EPILOG = """\
 Exit status: 0 all is done, 3 done but for losses that the summary names, 1 refused or stopped,
@@ -26,9 +25,8 @@ Exit status: 0 all is done, 3 done but for losses that the summary names, 1 refu
 
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
-    p = argparse.ArgumentParser(
-        prog='sar-imaging archive', description='Image an archive of recordings and CPHD files.',
-        epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = command_parser('sar-imaging archive', 'Image an archive of recordings and CPHD files.',
+                       _EPILOG)
     p.add_argument('job', type=Path, help='job file (YAML), see docs/archives.md')
     p.add_argument('--plan', action='store_true',
                    help='tell time, memory and traffic, and stop before the work')
@@ -53,13 +51,6 @@ def _workers(text: str) -> int:
     return number
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    return run_command(lambda: run(arguments),
-                       interrupted='interrupted; the same command goes on where it stopped')
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Plan or do the job; returns the exit status."""
     memory = None if arguments.memory is None else 1e9 * arguments.memory
@@ -76,6 +67,9 @@ def run(arguments: argparse.Namespace) -> int:
     print(summary.told(job.output))
     return summary.exit_status
 
+
+main = main_of(parser, run,
+               interrupted='interrupted; the same command goes on where it stopped')
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -9,7 +9,7 @@ import argparse
 import dataclasses
 import itertools
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +40,7 @@ from ...recordings.recording import Recording, read_recording
 from ...recordings.truth import antenna_truth, make_truth
 from ...signal.pulses import PulseBlock
 from ..arguments import add_datum, datum_of
-from ..ending import run_command
+from ..program import command_parser, main_of
 
 _TOLD = ('collector_name', 'core_name', 'classification', 'release_info', 'mode_type')
 _PIXELS_PER_RESOLUTION = 2
@@ -188,8 +188,7 @@ def run(arguments: argparse.Namespace) -> str:
 
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
-    p = argparse.ArgumentParser(prog='sar-imaging convert', description=_DESCRIPTION,
-                                formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = command_parser('sar-imaging convert', _DESCRIPTION)
     p.add_argument('file', type=Path, metavar='FILE', help='file, or folder of a recording')
     p.add_argument('target', type=Path, metavar='TARGET', help='file or folder to make')
     p.add_argument('--force', action='store_true', help='replace an existing file or recording')
@@ -213,11 +212,7 @@ def parser() -> argparse.ArgumentParser:
     return p
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    return run_command(lambda: run(arguments))
-
+main = main_of(parser, run)
 
 if __name__ == '__main__':
     sys.exit(main())

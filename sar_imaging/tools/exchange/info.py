@@ -9,7 +9,7 @@ import argparse
 import dataclasses
 import datetime
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,7 @@ from ...geometry.grids import MapGrid
 from ...recordings import open_pulses, read_recording
 from ...recordings.kinds import CPHD, DESCRIPTION, GEOTIFF, RECORDING, SICD, kind_of
 from ...signal.radar import RadarParameters, Waveform
-from ..ending import run_command
+from ..program import main_of
 
 _LABEL_WIDTH = 14
 _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
@@ -240,10 +240,12 @@ def parser() -> argparse.ArgumentParser:
     return p
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns its exit status."""
-    path = parser().parse_args(argv).file
-    return run_command(lambda: str(SUMMARIES[kind_of(path)](path)))
+def run(arguments: argparse.Namespace) -> str:
+    """What the file tells."""
+    return str(SUMMARIES[kind_of(arguments.file)](arguments.file))
+
+
+main = main_of(parser, run)
 
 
 if __name__ == '__main__':

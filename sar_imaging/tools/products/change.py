@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import logging
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,8 +29,8 @@ from ...recordings.kinds import CPHD, SICD, kind_of
 from ...recordings.pulse_source import PulseSource, SourceError, open_pulses
 from ...signal.magnitudes import SPEED_OF_LIGHT
 from ..arguments import datum_of, memory_bytes
-from ..ending import run_command
 from ..plots import save_image_png, save_values_png
+from ..program import command_parser, main_of
 from . import forming
 
 _IMAGE_SHARE = forming.IMAGE_SHARE / 4  # two images, and what tells their difference
@@ -168,9 +167,7 @@ place on the Earth is known and the extra formats is installed, comparison.tif.
 
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
-    p = argparse.ArgumentParser(
-        prog='sar-imaging change', description='Compare two passes over one scene.',
-        epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = command_parser('sar-imaging change', 'Compare two passes over one scene.', _EPILOG)
     p.add_argument('first', type=Path, help='recording, CPHD or SICD file, or description')
     p.add_argument('second', type=Path, help='the other pass, of the same kind')
     p.add_argument('--window', type=int, default=7, metavar='PIXELS',
@@ -181,13 +178,6 @@ def parser() -> argparse.ArgumentParser:
                    help='remove the constant and linear phase, which errors of the tracks leave')
     forming.add_arguments(p)
     return p
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    logging.basicConfig(level=logging.ERROR)
-    return run_command(lambda: run(arguments))
 
 
 def run(arguments: argparse.Namespace) -> str:
@@ -299,6 +289,8 @@ def _write_report(folder: Path, arguments, pair: Pair, found: PassComparison,
                  f'Two passes: {arguments.first.name} and {arguments.second.name}', sections,
                  warnings)
 
+
+main = main_of(parser, run, quiet=True)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import logging
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,7 +25,7 @@ from ...recordings.bag_io import BagError, read_blocks
 from ...recordings.kinds import CPHD, RECORDING, kind_of
 from ...recordings.pulse_source import PulseSource, SourceError, open_pulses
 from ..arguments import add_pulses, memory_bytes
-from ..ending import run_command
+from ..program import command_parser, main_of
 from . import forming
 from .figures import save_signal_png
 
@@ -50,22 +49,14 @@ it, and how sure it is. Exit status:
 
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
-    p = argparse.ArgumentParser(
-        prog='sar-imaging doctor', description='Say what is wrong with a recording of pulses.',
-        epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = command_parser('sar-imaging doctor', 'Say what is wrong with a recording of pulses.',
+                       _EPILOG)
     add_pulses(p)
     p.add_argument('--output', type=Path, metavar='FOLDER',
                    help='folder for picture and findings, made when missing (default: none)')
     forming.add_scene_arguments(p)
     p.set_defaults(plane='ground')
     return p
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    logging.basicConfig(level=logging.ERROR)
-    return run_command(lambda: run(arguments))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -178,6 +169,8 @@ def describe(block: PulseBlock, findings: Sequence[Finding], examination: Examin
                      f'this recording cannot tell: {"; ".join(examination.untold)}')
     return '\n'.join(lines)
 
+
+main = main_of(parser, run, quiet=True)
 
 if __name__ == '__main__':
     sys.exit(main())

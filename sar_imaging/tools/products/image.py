@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import logging
 import math
 import sys
 from collections.abc import Mapping, Sequence
@@ -33,8 +32,8 @@ from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
 from ...formats.report import Section, write_report
 from ...recordings.pulse_source import PulseSource, SourceError, lit_acquisition, open_pulses
 from ..arguments import add_pulses, datum_of, memory_bytes
-from ..ending import run_command
 from ..plots import save_image_png
+from ..program import command_parser, main_of
 from . import brightness, forming, volume
 from .figures import save_acquisition_png
 
@@ -63,9 +62,8 @@ volume.png, volume.npy and quality.json:
 
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
-    p = argparse.ArgumentParser(
-        prog='sar-imaging image', description='Image a recording (rosbag2 folder) or a CPHD file.',
-        epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = command_parser('sar-imaging image', 'Image a recording (rosbag2 folder) or a CPHD file.',
+                       _EPILOG)
     add_pulses(p)
     p.add_argument('--format', type=_formats, default=('png',), metavar='NAME[,NAME]',
                    help=f'of the image: {", ".join(FORMATS)} (default: png)')
@@ -82,13 +80,6 @@ def _formats(text: str) -> tuple[str, ...]:
         raise argparse.ArgumentTypeError(f'there is no format {", ".join(unknown)}; use '
                                          f'{", ".join(FORMATS)}')
     return names
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    logging.basicConfig(level=logging.ERROR)  # warnings are in the report and told at the end
-    return run_command(lambda: run(arguments))
 
 
 def run(arguments: argparse.Namespace) -> str:
@@ -307,6 +298,8 @@ def radar_rows(source: PulseSource, corners_m: np.ndarray) -> dict[str, str]:
         rows['speed of the waves'] = f'{radar.propagation_speed_m_per_s:g} m/s'
     return rows
 
+
+main = main_of(parser, run, quiet=True)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -7,9 +7,7 @@ Run: sar-imaging radar-constant bags/countryside --reflector -21 17 0 --trihedra
 from __future__ import annotations
 
 import argparse
-import logging
 import math
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +18,7 @@ from sar_imaging.radiometry import RadarConstant, noise_power, trihedral_cross_s
 
 from ...recordings.pulse_source import PulseSource, SourceError, open_pulses
 from ..arguments import add_aperture, add_memory, add_pulses, memory_bytes
-from ..ending import run_command
+from ..program import command_parser, main_of
 from . import forming
 from .brightness import respond, write_constant
 
@@ -39,10 +37,8 @@ Exit status: 0 when the file was written, 1 with a reason when not.
 
 def parser() -> argparse.ArgumentParser:
     """Command-line parser."""
-    p = argparse.ArgumentParser(
-        prog='sar-imaging radar-constant', epilog=_EPILOG,
-        description='Measure the radar constant at a reflector of known cross section.',
-        formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = command_parser('sar-imaging radar-constant', 'Measure the radar constant at a reflector '
+                       'of known cross section.', _EPILOG)
     add_pulses(p)
     p.add_argument('--reflector', type=float, nargs=3, required=True, metavar=('X', 'Y', 'Z'),
                    help='its place in the frame of the phase centres, metres')
@@ -56,13 +52,6 @@ def parser() -> argparse.ArgumentParser:
     add_memory(p)
     p.add_argument('--output', type=Path, required=True, metavar='FILE', help='YAML file')
     return p
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    logging.basicConfig(level=logging.ERROR)
-    return run_command(lambda: run(arguments))
 
 
 def run(arguments: argparse.Namespace) -> str:
@@ -114,3 +103,6 @@ def _around(source: PulseSource, place, n_bytes: float) -> GridChoice:
     side = _CELLS * max(first.range_resolution_m, first.azimuth_resolution_m)
     return choose_grid(source.coverage(), np.asarray(place, float), size_m=(side, side),
                        memory_bytes=n_bytes)
+
+
+main = main_of(parser, run, quiet=True)

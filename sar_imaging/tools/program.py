@@ -1,17 +1,20 @@
-"""How commands end: exit status, one line for an error, quietly when nobody reads them any more.
+"""How commands begin and end: arguments, exit status, one line for an error.
 
-A closed pipe (`sar-imaging info X | head -1`) is an OSError, which commands take for an error of a
-file. Here it ends the program instead, as the signal of a closed pipe ends others.
+They end quietly when nobody reads them any more: a closed pipe (`sar-imaging info X | head -1`) is
+an OSError, which commands take for an error of a file. Here it ends the program instead, as the
+signal of a closed pipe ends others.
 """
 
 from __future__ import annotations
 
+import argparse
 import contextlib
+import logging
 import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from types import FrameType
 from typing import TextIO
 
@@ -64,8 +67,43 @@ def ending_with_the_reader() -> Iterator[None]:
             sys.stdout, sys.stderr = streams
 
 
-def run_command(run: Callable[[], str | int], *,
-                interrupted: str = 'interrupted; nothing was written') -> int:
+_INTERRUPTED = 'interrupted; nothing was written'
+
+
+def command_parser(prog: str | None, description: str, epilog: str | None = None
+                   ) -> argparse.ArgumentParser:
+    """Parser of a command, whose texts keep their lines."""
+    return argparse.ArgumentParser(prog=prog, description=description, epilog=epilog,
+                                   formatter_class=argparse.RawDescriptionHelpFormatter)
+
+
+def main_of(parser: Callable[[], argparse.ArgumentParser],
+            run: Callable[[argparse.Namespace], str | int], *, interrupted: str = _INTERRUPTED,
+            quiet: bool = False) -> Callable[[Sequence[str] | None], int]:
+    """The `main` of a command, which parses its arguments and runs it by `run_command`.
+
+    Parameters
+    ----------
+    parser : callable
+        Makes the parser.
+    run : callable
+        Does the work that the arguments ask for.
+    interrupted : str
+        As of `run_command`.
+    quiet : bool
+        Logged warnings are not shown: the command tells them itself.
+    """
+    def main(argv: Sequence[str] | None = None) -> int:
+        """Run the program; returns its exit status."""
+        arguments = parser().parse_args(argv)
+        if quiet:
+            logging.basicConfig(level=logging.ERROR)
+        return run_command(lambda: run(arguments), interrupted=interrupted)
+
+    return main
+
+
+def run_command(run: Callable[[], str | int], *, interrupted: str = _INTERRUPTED) -> int:
     """Run the work of a command, print the text that it returns, or why there is none.
 
     Files that it reads are not replaced by those that it writes. SIGTERM cleans up as Ctrl-C does;
