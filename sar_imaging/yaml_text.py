@@ -6,12 +6,17 @@ PyYAML keeps the last of keys given twice without a word, and YAML 1.2 forbids t
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import re
+from collections.abc import Iterator, Mapping as AnyMapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 
 import yaml
 
 from .files import MOST_TEXT_BYTES, read_text, told
+from .names import advice_on
 
 _DEEPEST = 50
 _MOST_VALUES = 1_000_000
@@ -198,3 +203,145 @@ def _reason(error: yaml.YAMLError) -> str:
         return (f'character {error.position + 1} is {error.character:#04x}, which no text has; '
                 'remove it')
     return ' '.join(str(getattr(error, 'problem', None) or 'it cannot be parsed').split())
+
+
+_LONGEST_VALUE = 80  # characters that an error quotes
+
+
+@dataclasses.dataclass(frozen=True)
+class Value:
+    """A value of a file, and where it stands: all errors about values have one form.
+
+    Attributes
+    ----------
+    origin : path
+        The file, for errors.
+    key : str
+        Its full name, such as ``'products.images'``; empty for the whole file.
+    content : object
+        What the file has; None where it has nothing.
+    refusal : type
+        The exception.
+    parent : Mapping or None
+        What it stands in; None for the whole file.
+    at : object
+        Its key there, with its index where it is an item of a list.
+    line : int or None
+        Of what it stands in, for values that stand nowhere.
+    """
+
+    origin: Path | str
+    key: str
+    content: object
+    refusal: type[Exception] = ValueError
+    parent: object = None
+    at: object = None
+    line: int | None = None
+
+    @property
+    def place(self) -> str:
+        """File and line."""
+        return place(self.origin, self._line)
+
+    @property
+    def _line(self) -> int | None:
+        return line_of(self.parent, self.at) or self.line
+
+    @property
+    def said(self) -> str:
+        """What came, for errors."""
+        text = 'nothing' if self.content is None else repr(self.content)
+        return text if len(text) < _LONGEST_VALUE else f'{text[:_LONGEST_VALUE - 3]}...'
+
+    def error(self, expected: str, remedy: str = '') -> Exception:
+        """The error that says what was expected instead, and what to do."""
+        return self.refusal(f'{self.place}: {self.key or "the file"}: expected {expected}, got '
+                            f'{self.said}' + (f'; {remedy}' if remedy else ''))
+
+    def below(self, name: object) -> Value:
+        """The value of a key of it."""
+        return Value(self.origin, f'{self.key}.{name}' if self.key else str(name),
+                     self.content.get(name), self.refusal, self.content, name, self._line)
+
+    def check_keys(self, known: Sequence[str] | AnyMapping[str, object]) -> None:
+        """Refuse a mapping with a key that is not known."""
+        for name in self.content:
+            if name not in known:
+                value = self.below(name)
+                raise self.refusal(f'{value.place}: unknown key {value.key}; '
+                                   f'{advice_on(name, known)}')
+
+    @property
+    def _written(self) -> str:
+        return self.parent.written[self.at]
+
+    def text(self, expected: str, remedy: str) -> str:
+        """It as text that is not empty."""
+        if isinstance(self.content, dict | list | None) or not self._written.strip():
+            raise self.error(expected, remedy)
+        return self._written
+
+    def number(self, low: float, high: float, unit: str, example: str, *,
+               whole: bool = False) -> float:
+        """It as a finite number within bounds."""
+        kind = 'whole number' if whole else 'number'
+        expected = f'a {kind} of {unit}, {low:g} to {high:g}'
+        name = self.key.rpartition('.')[2]
+        item = name.endswith(']')  # of a list
+        remedy = f'write for instance {example if item else f"{name}: {example}"}'
+        if isinstance(self.content, dict | list | None):
+            raise self.error(expected, remedy)
+        try:
+            value = float(self._written)
+        except ValueError:
+            raise self.error(expected, remedy) from None
+        if isinstance(self.content, str):
+            raise self.error(expected, 'remove the quotes')
+        if not (math.isfinite(value) and low <= value <= high) or (whole and value % 1):
+            raise self.error(expected, remedy)
+        return int(value) if whole else value
+
+    def choice(self, choices: Sequence[str]) -> str:
+        """It as one of some words."""
+        if self.content not in choices:
+            near = get_close_matches(str(self.content).lower(), choices, 1, 0.7)
+            raise self.error(f'one of {", ".join(choices)}',
+                             f'did you mean {near[0]}?' if near else '')
+        return self.content
+
+    def flag(self) -> bool:
+        """It as true or false."""
+        if not isinstance(self.content, bool):
+            raise self.error('true or false', 'write true or false, without quotes')
+        return self.content
+
+    def items(self, expected: str, remedy: str) -> Iterator[Value]:
+        """Its items, where it is a list."""
+        if not isinstance(self.content, list):
+            raise self.error(expected, remedy)
+        for number, item in enumerate(self.content):
+            yield Value(self.origin, f'{self.key}[{number}]', item, self.refusal, self.parent,
+                        (self.at, number), self.line)
+
+    def mapping(self, keys: AnyMapping[str, str], remedy: str, *,
+                needed: Sequence[str] = (), what: str = 'a mapping') -> dict[str, Value]:
+        """Its values by key, where it is a mapping of known ones.
+
+        Parameters
+        ----------
+        keys : mapping of str to str
+            Known keys, and an example of each.
+        remedy : str
+            Of a value that is none.
+        needed : sequence of str
+            Keys that it must have.
+        what : str
+            What it describes, for errors.
+        """
+        if not isinstance(self.content, dict):
+            raise self.error(f'a mapping with {", ".join(keys)}', remedy)
+        self.check_keys(keys)
+        for name in needed:
+            if name not in self.content:
+                raise self.error(f'{what} with {name}', remedy)
+        return {name: self.below(name) for name in self.content}

@@ -9,8 +9,6 @@ import dataclasses
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 
 import yaml
@@ -19,10 +17,9 @@ from ..backends import AUTO
 from ..formats import MissingExtraError, require
 from ..geometry.earth import Datum
 from ..imaging.methods import METHODS
-from ..names import advice_on
 from ..radiometry import QUANTITIES, RadarConstant
 from ..signal.windows import parse_window
-from ..yaml_text import line_of, place, read_yaml
+from ..yaml_text import Value, read_yaml
 
 IMAGE_FORMATS = ('geotiff', 'sicd')
 SURFACES = ('plane', 'ellipsoid')
@@ -163,142 +160,6 @@ class Job:
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-@dataclasses.dataclass(frozen=True)
-class Value:
-    """A value of a file, and where it stands.
-
-    Attributes
-    ----------
-    path : Path
-        File.
-    key : str
-        Its full name, such as ``'products.images'``.
-    content : object
-        What the file has.
-    parent : yaml_text.Mapping or None
-        What it stands in; None for the whole file.
-    at : object
-        Its key there, with its index where it is an item of a list.
-    """
-
-    path: Path
-    key: str
-    content: object
-    parent: object = None
-    at: object = None
-
-    @property
-    def place(self) -> str:
-        """File and line."""
-        return place(self.path, line_of(self.parent, self.at))
-
-    @property
-    def said(self) -> str:
-        """What came, for the message."""
-        if isinstance(self.content, dict):
-            return 'a mapping'
-        if isinstance(self.content, list):
-            return f'a list of {len(self.content)}'
-        return 'nothing' if self.content is None else repr(self.content)
-
-    def error(self, expected: str, remedy: str) -> JobError:
-        """The error that says what was expected instead."""
-        return JobError(f'{self.place}: {self.key}: expected {expected}, got {self.said}; '
-                        f'{remedy}')
-
-    @property
-    def _written(self) -> str:
-        return self.parent.written[self.at]
-
-    def text(self, expected: str, remedy: str) -> str:
-        """It as text that is not empty.
-
-        Raises
-        ------
-        JobError
-            It is something else.
-        """
-        if isinstance(self.content, dict | list | None) or not self._written.strip():
-            raise self.error(expected, remedy)
-        return self._written
-
-    def number(self, low: float, high: float, unit: str, example: str, *,
-               whole: bool = False) -> float:
-        """It as a finite number within bounds; raises JobError."""
-        kind = 'whole number' if whole else 'number'
-        expected = f'a {kind} of {unit}, {low:g} to {high:g}'
-        name = self.key.rpartition('.')[2]
-        item = name.endswith(']')  # of a list
-        remedy = f'write for instance {example if item else f"{name}: {example}"}'
-        if isinstance(self.content, dict | list | None):
-            raise self.error(expected, remedy)
-        try:
-            value = float(self._written)
-        except ValueError:
-            raise self.error(expected, remedy) from None
-        if isinstance(self.content, str):
-            raise self.error(expected, 'remove the quotes')
-        if not (math.isfinite(value) and low <= value <= high) or (whole and value % 1):
-            raise self.error(expected, remedy)
-        return int(value) if whole else value
-
-    def choice(self, choices: tuple[str, ...]) -> str:
-        """It as one of some words; raises JobError."""
-        told = ', '.join(choices)
-        word = self.text(f'one of {told}', f'choose one of {told}')
-        if word not in choices:
-            near = get_close_matches(word, choices, n=1)
-            raise self.error(f'one of {told}', f'write {near[0]}' if near
-                             else f'choose one of {told}')
-        return word
-
-    def truth(self) -> bool:
-        """It as true or false; raises JobError."""
-        if not isinstance(self.content, bool):
-            raise self.error('true or false', 'write true or false, without quotes')
-        return self.content
-
-    def items(self, expected: str, remedy: str) -> Iterator[Value]:
-        """Its items, where it is a list; raises JobError."""
-        if not isinstance(self.content, list):
-            raise self.error(expected, remedy)
-        for number, item in enumerate(self.content):
-            yield Value(self.path, f'{self.key}[{number}]', item, self.parent, (self.at, number))
-
-    def mapping(self, keys: Mapping[str, str], remedy: str, *,
-                needed: Sequence[str] = (), what: str = 'a mapping') -> dict[str, Value]:
-        """Its values by key, where it is a mapping of known ones.
-
-        Parameters
-        ----------
-        keys : mapping of str to str
-            Known keys, and an example of each.
-        remedy : str
-            Of a value that is none.
-        needed : sequence of str
-            Keys that it must have.
-        what : str
-            What it describes, for messages.
-
-        Raises
-        ------
-        JobError
-            It is no mapping, or a key is unknown or lacks.
-        """
-        if not isinstance(self.content, dict):
-            raise self.error(f'a mapping with {", ".join(keys)}', remedy)
-        found: dict[str, Value] = {}
-        for name, content in self.content.items():
-            full = f'{self.key}.{name}' if self.key else name
-            found[name] = Value(self.path, full, content, self.content, name)
-            if name not in keys:
-                raise JobError(f'{found[name].place}: unknown key {full}; {advice_on(name, keys)}')
-        for name in needed:
-            if name not in found:
-                raise self.error(f'{what} with {name}', remedy)
-        return found
-
-
 def _read(path: Path) -> Value:
     """The value of a whole file.
 
@@ -316,7 +177,7 @@ def _read(path: Path) -> Value:
         raise JobError(f'{error}; {remedy}') from error
     if content is None:
         raise JobError(f'{path} is empty; expected recordings, output and spacing_m; add them')
-    return Value(path, '', content)
+    return Value(path, '', content, JobError)
 
 
 #: Keys of a job file, and an example of each.
@@ -371,7 +232,8 @@ def read_job(path: Path | str) -> Job:
     """
     path = Path(path)
     whole = _read(path)
-    given = whole.mapping(KEYS, 'write lines of "key: value"') if whole.said == 'a mapping' else {}
+    given = (whole.mapping(KEYS, 'write lines of "key: value"')
+             if isinstance(whole.content, dict) else {})
     if not given:
         raise JobError(f'{path} is {whole.said}; expected lines of "key: value"; write at least '
                        f'the lines {", ".join(f"{name}: {KEYS[name]}" for name in NEEDED)}')
@@ -428,7 +290,7 @@ def _check_together(job: Job, given: dict[str, Value]) -> None:
 def _recordings(value: Value) -> tuple[str, ...]:
     expected = 'a folder, a glob, a STAC catalogue or a list of those'
     remedy = 'write for instance recordings: flights/*'
-    if value.said.startswith('a list'):
+    if isinstance(value.content, list):
         texts = tuple(item.text(expected, remedy) for item in value.items(expected, remedy))
         if not texts:
             raise value.error(expected, remedy)
@@ -472,7 +334,7 @@ def _radiometry(value: Value) -> Brightness:
     file = given['constant_file']
     written = file.text('the file of a radar constant', 'write constant_file: radar.yaml')
     try:
-        constant = RadarConstant.load(value.path.absolute().parent / Path(written).expanduser())
+        constant = RadarConstant.load(value.origin.absolute().parent / Path(written).expanduser())
     except (ValueError, RuntimeError) as error:
         raise JobError(f'{file.place}: {file.key}: '
                        f'{" ".join(str(error).split())}') from error
@@ -512,7 +374,7 @@ def _crs(value: Value) -> str:
 
 def _products(value: Value) -> Products:
     given = value.mapping(PRODUCTS, f'write products: {KEYS["products"]}')
-    fields = {name: part.truth() for name, part in given.items() if name in ('strips', 'mosaic')}
+    fields = {name: part.flag() for name, part in given.items() if name in ('strips', 'mosaic')}
     if 'images' in given:
         remedy = 'write for instance images: [geotiff]'
         parts = given['images'].items(f'a list of {" and ".join(IMAGE_FORMATS)}', remedy)

@@ -6,15 +6,14 @@ Every number may be given as the name of a variable of the data file instead.
 from __future__ import annotations
 
 import copy
-import difflib
+import dataclasses
 import importlib.resources
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from ..names import advice_on
-from ..yaml_text import line_of, place, read_yaml
+from ..yaml_text import Value, read_yaml
 
 # All sections and their keys; docs/loading.md explains each.
 SECTIONS = ('name', 'description', 'notes', 'samples', 'radar', 'times', 'positions', 'poses',
@@ -43,18 +42,12 @@ class Section:
 
     Parameters
     ----------
-    values : mapping
-        As YAML has them.
-    name : str
-        Path of the part, such as ``'radar'``; empty for the whole.
+    value : Value
+        The part, as YAML has it.
     known : sequence of str
         Keys that it may have.
-    origin : str
-        The file, for messages.
     variable : callable, optional
         Gives the array of a variable of the data by its name.
-    line : int, optional
-        Where the part stands in the file.
 
     Raises
     ------
@@ -62,57 +55,41 @@ class Section:
         It is no mapping or has an unknown key.
     """
 
-    def __init__(self, values, name: str, known, origin: str,
-                 variable: Callable[[str], np.ndarray] | None = None, line: int | None = None):
-        self._name, self._origin, self._variable, self._line = name, origin, variable, line
-        self._values = values
-        if not isinstance(values, Mapping):
-            raise DescriptionError(f'{self._place()}: {name or "the file"}: expected keys with '
-                                   f'values ({", ".join(known)}), got {values!r}')
-        for key in values:
-            if key not in known:
-                raise DescriptionError(f'{self._place(key)}: unknown key {self._path(key)}; '
-                                       f'{advice_on(key, known)}')
-
-    def _path(self, key) -> str:
-        return f'{self._name}.{key}' if self._name else str(key)
-
-    def _place(self, key: str | None = None) -> str:
-        """File and line of a key, of the part where it lacks."""
-        line = line_of(self._values, key) or self._line
-        return place(self._origin, line)
+    def __init__(self, value: Value, known: Sequence[str],
+                 variable: Callable[[str], np.ndarray] | None = None):
+        self._value, self._variable = value, variable
+        if not isinstance(value.content, Mapping):
+            raise value.error(f'keys with values ({", ".join(known)})')
+        value.check_keys(known)
 
     def __contains__(self, key: str) -> bool:
-        return key in self._values
+        return key in self._value.content
 
     def with_variables(self, variable: Callable[[str], np.ndarray]) -> Section:
         """The same keys, whose texts may name variables."""
-        return Section(self._values, self._name, tuple(self._values), self._origin, variable,
-                       self._line)
+        return Section(self._value, tuple(self._value.content), variable)
 
     def with_defaults(self, values: Mapping[str, object]) -> Section:
         """The same with values for keys that are not given."""
-        merged = copy.copy(self._values)
+        merged = copy.copy(self._value.content)
         for key, value in values.items():
             merged.setdefault(key, value)
-        return Section(merged, self._name, tuple(merged), self._origin, self._variable, self._line)
+        return Section(dataclasses.replace(self._value, content=merged), tuple(merged),
+                       self._variable)
 
     def raw(self, key: str, default=_REQUIRED, meaning: str = ''):
         """Value as YAML has it."""
-        if key in self._values:
-            return self._values[key]
+        if key in self:
+            return self._value.content[key]
         if default is _REQUIRED:
-            raise DescriptionError(f'{self._place()}: {self._path(key)} is missing; add it'
-                                   + (f': {meaning}' if meaning else ''))
+            raise DescriptionError(
+                f'{self._value.place}: {self._value.below(key).key} is missing; add it'
+                + (f': {meaning}' if meaning else ''))
         return default
 
     def error(self, key: str, expected: str, advice: str = '') -> DescriptionError:
         """What to raise for a value that is not as expected."""
-        value = repr(self._values.get(key))
-        return DescriptionError(
-            f'{self._place(key)}: {self._path(key)}: expected {expected}, got '
-            f'{value if len(value) < 80 else value[:77] + "..."}' + (f'; {advice}' if advice
-                                                                      else ''))
+        return self._value.below(key).error(expected, advice)
 
     def text(self, key: str, default=_REQUIRED) -> str:
         """A text."""
@@ -124,18 +101,11 @@ class Section:
     def choice(self, key: str, options, default=_REQUIRED) -> str:
         """One of some words."""
         value = self.raw(key, default, f'one of {", ".join(options)}')
-        if value is not default and value not in options:
-            close = difflib.get_close_matches(str(value).lower(), options, 1, 0.7)
-            raise self.error(key, f'one of {", ".join(options)}',
-                             f'did you mean {close[0]}?' if close else '')
-        return value
+        return value if value is default else self._value.below(key).choice(options)
 
     def flag(self, key: str) -> bool:
         """True or false; false where it is not given."""
-        value = self.raw(key, False)
-        if not isinstance(value, bool):
-            raise self.error(key, 'true or false')
-        return value
+        return key in self and self._value.below(key).flag()
 
     def array(self, key: str, default=_REQUIRED) -> np.ndarray:
         """Numbers, or a variable that holds them, as a float64 array of any shape."""
@@ -207,8 +177,9 @@ class Section:
 
     def section(self, key: str, known) -> Section:
         """Part below a key; without keys where it is absent."""
-        return Section(self.raw(key, {}), self._path(key), known, self._origin, self._variable,
-                       line_of(self._values, key))
+        value = self._value.below(key)
+        return Section(value if key in self else dataclasses.replace(value, content={}), known,
+                       self._variable)
 
 
 def _number(text: str) -> float | None:
@@ -253,7 +224,7 @@ def read_description(path: Path | str, changes: Mapping[str, object] | None = No
         raise DescriptionError(f'description {error}') from error
     for key, value in (changes or {}).items():
         _change(tree, key, value)
-    return Section(tree, '', SECTIONS, Path(path).name)
+    return Section(Value(Path(path).name, '', tree, DescriptionError), SECTIONS)
 
 
 def _change(tree, path: str, value) -> None:

@@ -11,6 +11,7 @@ from sar_imaging.recordings import BagError, DescriptionError
 from sar_imaging.recordings.data_files import DataFiles
 from sar_imaging.recordings.description import Section
 from sar_imaging.recordings.poses import KEYS, read_poses
+from sar_imaging.yaml_text import Value
 
 TIME_S = 5.0 + 0.01 * np.arange(40)
 POSITION_M = np.stack([TIME_S, 2 * TIME_S, 3 + 0.1 * TIME_S], axis=-1)  # z up
@@ -20,7 +21,8 @@ QUATERNION = TURN.as_quat()
 
 def read(folder, text, data=()):
     files = DataFiles(list(data))
-    section = Section(yaml.safe_load(text), 'poses', KEYS, 'mine.yaml', files.same)
+    section = Section(Value('mine.yaml', 'poses', yaml.safe_load(text), DescriptionError), KEYS,
+                      files.same)
     return read_poses(section, folder, files)
 
 
