@@ -116,11 +116,6 @@ class FusionStep(Step):
         self._datum.activate(node)
         self._obstacles.activate(node)
 
-    def deactivate(self, node: ManagedNode) -> None:
-        """Listen no more; see `Step`."""
-        self._datum.deactivate(node)
-        self._obstacles.deactivate(node)
-
     def summary(self) -> str:
         """Settings for the log line at the start."""
         every = self.parameters['images_every']

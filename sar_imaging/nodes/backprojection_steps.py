@@ -301,14 +301,6 @@ class ImageStep(BackprojectionStep):
         if self._positions is not None:
             self._positions.activate(node)
 
-    def deactivate(self, node: ManagedNode) -> None:
-        """Listen to poses and the datum no more; see `Step`."""
-        self._datum.deactivate(node)
-        if self._obstacles is not None:
-            self._obstacles.deactivate(node)
-        if self._positions is not None:
-            self._positions.deactivate(node)
-
     def process(self, block: PulseBlock) -> list[ApertureImage]:
         """Add profiles to their aperture; see `BackprojectionStep`."""
         if self._positions is not None:

@@ -100,10 +100,6 @@ class MovingTargetsStep(Step):
         self._map_metadata.publish(map_metadata_to_message(self._grid,
                                                            node.get_clock().now().to_msg()))
 
-    def deactivate(self, node: ManagedNode) -> None:
-        """Listen to the datum no more; see `Step`."""
-        self._datum.deactivate(node)
-
     def summary(self) -> str:
         """Settings for the log line at the start."""
         return (f' -> {self._targets.topic_name}, {describe_grid(self._grid)} in frame '

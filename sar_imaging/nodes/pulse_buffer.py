@@ -7,8 +7,6 @@ import sys
 import time
 from collections.abc import Mapping
 
-from rclpy.clock import Clock, ClockType
-
 from msg_conversions.pulse_block import as_received
 from sar_imaging.configuration.datum import check_fixes
 from sar_imaging.signal.positioning import PointingFinder, Positioner
@@ -72,7 +70,7 @@ class PulseBufferStep(Step):
             pulses_per_block=parameters['pulses_per_block'],
             reorder_window_pulses=parameters['reorder_window_pulses'],
             positions_required=parameters['pose.source'] == BLOCK)
-        self._poses = self._positioner = self._timer = self._finder = None
+        self._poses = self._positioner = self._finder = None
         self._woken = False
         self._frame = plain_frame(parameters['frame_id'])
         self._mount = mount_from(parameters)
@@ -111,21 +109,10 @@ class PulseBufferStep(Step):
             self._finder.fixes.activate(node)
         if self._poses is not None:
             self._node, self._woken = node, False
-            self._timer = node.create_timer(_WAIT_PERIOD_S, self._look_for_ends,
-                                            clock=Clock(clock_type=ClockType.STEADY_TIME))
+            node.repeat(_WAIT_PERIOD_S, self._look_for_ends)
             self._poses.activate(node)
             if notice := clock_notice(self.parameters):
                 self.health.info(notice)
-
-    def deactivate(self, node: Stage) -> None:
-        """Unsubscribe; see `Step`."""
-        if self._finder is not None:
-            self._finder.fixes.deactivate(node)
-        if self._poses is not None:
-            self._poses.deactivate()
-            if self._timer is not None:
-                node.destroy_timer(self._timer)
-                self._timer = None
 
     def summary(self) -> str:
         """Settings for the log line at the start."""

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from msg_conversions.radar_frames import (
@@ -53,7 +54,6 @@ class RadarDriverNode(ManagedNode):
             parameters=PARAMETERS,
             counters=('frames_received', 'frames_converted', 'pulses_published'),
             faults=('frames_incomplete', 'frames_rejected', 'frames_missing', UNTAKEN))
-        self._inputs: list = []
         self._watch: InputWatch | None = None
         self._converter: FrameConverter | None = None
         self.create_service(Trigger, '~/reset', self._reset, callback_group=self.service_group)
@@ -87,32 +87,32 @@ class RadarDriverNode(ManagedNode):
         reliable = FRAME_TYPES[short_name(p['message_type'])].reliable
         qos = QoSProfile(depth=p['queue_depth'], reliability=ReliabilityPolicy.RELIABLE
                          if reliable else ReliabilityPolicy.BEST_EFFORT)
-        self._subscribe(self._frame_class, 'radar_frames', self._receive, qos)
+        self.activity.callback(self._end_watch)
+        frames = self._subscribe(self._frame_class, 'radar_frames', self._receive, qos)
+        names = frames.topic_name
         package, _, short = p['message_type'].rpartition('/')
         self._watch = InputWatch(
-            self, self._inputs[0].topic_name, f'{package.removesuffix("/msg")}/msg/{short}',
-            self._inputs[0].qos_profile, patience_s=lambda: _PATIENCE_S,
+            self, frames.topic_name, f'{package.removesuffix("/msg")}/msg/{short}',
+            frames.qos_profile, patience_s=lambda: _PATIENCE_S,
             advice='remap radar_frames, or correct the parameter message_type',
             sender='the driver of the radar')
         if self._info_class is not None:
             # Of what is latched the last one before the start counts; others only now and then.
             latched = short_name(p['info_type']) in LATCHED_INFO
-            self._subscribe(self._info_class, 'radar_info', self._receive_info, QoSProfile(
+            info = self._subscribe(self._info_class, 'radar_info', self._receive_info, QoSProfile(
                 depth=p['queue_depth'], durability=DurabilityPolicy.TRANSIENT_LOCAL if latched
                 else DurabilityPolicy.VOLATILE))
-        names = ', '.join(s.topic_name for s in self._inputs)
+            names += f', {info.topic_name}'
         self.health.info(f'ready: {names} -> {self._output.topic}')
 
-    def _subscribe(self, kind, topic: str, callback, qos: QoSProfile) -> None:
-        self._inputs.append(self.create_subscription(kind, topic, callback, qos))
+    def _subscribe(self, kind, topic: str, callback, qos: QoSProfile) -> Subscription:
+        subscription = self.create_subscription(kind, topic, callback, qos)
+        self.activity.callback(self.destroy_subscription, subscription)
+        return subscription
 
-    def deactivate(self) -> None:
-        """Unsubscribe; see `ManagedNode`."""
+    def _end_watch(self) -> None:
         self._watch = None
         self.health.forget_causes()
-        inputs, self._inputs = self._inputs, []
-        for subscription in inputs:
-            self.destroy_subscription(subscription)
 
     def publish_diagnostics(self) -> None:
         """Publish the counters, and why no frames come; see `ManagedNode`."""

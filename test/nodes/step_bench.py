@@ -1,5 +1,6 @@
 """Steps without a node: their parameters, their counters and log, what they publish."""
 
+import contextlib
 import types
 
 from sar_imaging.nodes.runtime.health import Tally
@@ -25,12 +26,17 @@ class Outputs:
     def __init__(self, *listened):
         self.sent, self.joined = {}, {}
         self.listened = set(listened)
+        self.activity = contextlib.ExitStack()
+        self.context = types.SimpleNamespace(ok=lambda: True)
 
     def create_output(self, message_type, topic, qos, joined=lambda: None):
         self.sent[topic], self.joined[topic] = [], joined
         return types.SimpleNamespace(
             topic_name=f'/{topic}', publish=self.sent[topic].append,
             get_subscription_count=lambda: int(topic in self.listened))
+
+    def repeat(self, period_s, call):
+        pass
 
     def in_worker(self, work):
         work()

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import OccupancyGrid
-from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
@@ -100,7 +99,6 @@ class ObstacleProducts:
         self._latest: _Look | None = None  # that nobody has asked for yet
         self._worker: Worker | None = None  # of the maps; without it they are made at once
         self._refusal, self._advised = '', False
-        self._timer = None
         # Time and stamp of the last map while some of it is known, on time.monotonic and in ns.
         self._sent: tuple[float, int] | None = None
         compile_kernels()  # who asks for the first map must not wait for it
@@ -117,17 +115,13 @@ class ObstacleProducts:
             on_error=lambda error: node.in_worker(lambda: _raise(error)))
         worker.start()
         # Where an image waits the map need not fade.
-        self._timer = node.create_timer(_FADING_S, lambda: worker.put(self.fade),
-                                        clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.activity.callback(self._end, node)
+        node.repeat(_FADING_S, lambda: worker.put(self.fade))
 
-    def deactivate(self, node: Stage) -> None:
-        """Undo `activate`; the latched map is unknown, since nobody looks any more."""
-        timer, self._timer = self._timer, None
-        if timer is not None:
-            node.destroy_timer(timer)
+    def _end(self, node: Stage) -> None:
+        """Finish the map in work; the latched one is unknown, since nobody looks any more."""
         worker, self._worker = self._worker, None
-        if worker is not None:
-            worker.stop(None if node.context.ok() else _PATIENCE_S)
+        worker.stop(None if node.context.ok() else _PATIENCE_S)
         if node.context.ok():
             self.fade(math.inf)
 

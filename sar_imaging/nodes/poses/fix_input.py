@@ -7,10 +7,7 @@ import functools
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.subscription import Subscription
 from sensor_msgs.msg import Imu, NavSatFix
 
 from msg_conversions.errors import WireFormatError
@@ -20,8 +17,8 @@ from sar_imaging.geometry.navigation import DatumSearch, Fix, FixPoses, FoundDat
 from sar_imaging.geometry.poses import PoseStatus, PoseTrack
 
 from ..runtime.health import Health, Part
-from ..runtime.managed import QOS_ERRORS, ManagedNode
-from ..runtime.parameters import ConfigurationError, Parameter
+from ..runtime.managed import ManagedNode
+from ..runtime.parameters import Parameter
 from .frame_datum import DatumOutput, FrameDatum
 
 FIX_TOPIC, IMU_TOPIC = 'fix', 'imu'
@@ -76,28 +73,13 @@ class Listener:
         self._type, self._read, self._take = message_type, read, take
         self._name = self.topic = topic
         self._health, self._refusal = health, ''
-        self._subscription: Subscription | None = None
         self.n_received = self.n_rejected = 0
 
     def activate(self, node: ManagedNode) -> None:
         """Subscribe."""
-        try:
-            self._subscription = node.create_subscription(
-                self._type, self._name, self._receive,
-                QoSProfile(depth=_QUEUE_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT),
-                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-                event_callbacks=SubscriptionEventCallbacks(
-                    incompatible_qos=functools.partial(node.report_incompatible_qos, self._name,
-                                                       'subscription')))
-        except QOS_ERRORS as error:
-            raise ConfigurationError(f'QoS override of {self._name}: {error}') from error
-        self.topic = self._subscription.topic_name
-
-    def deactivate(self, node: ManagedNode) -> None:
-        """Unsubscribe."""
-        subscription, self._subscription = self._subscription, None
-        if subscription is not None:
-            node.destroy_subscription(subscription)
+        self.topic = node.create_input(
+            self._type, self._name, self._receive,
+            QoSProfile(depth=_QUEUE_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)).topic_name
 
     def _receive(self, message) -> None:
         self.n_received += 1
@@ -178,12 +160,6 @@ class FixPoseSource:
         self._fixes.activate(node)
         if self._attitudes is not None:
             self._attitudes.activate(node)
-
-    def deactivate(self, node: ManagedNode) -> None:
-        """Unsubscribe."""
-        self._fixes.deactivate(node)
-        if self._attitudes is not None:
-            self._attitudes.deactivate(node)
 
     def _take_fix(self, fix: Fix) -> None:
         if self._datum.value is None and isinstance(self._datum, DatumOutput):

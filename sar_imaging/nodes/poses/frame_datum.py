@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
-from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from msg_conversions.errors import WireFormatError
 from msg_conversions.navigation import datum_from_message, datum_to_message
@@ -16,8 +13,8 @@ from sar_imaging.configuration.datum import FIX, NONE, configured_datum, describ
 from sar_imaging.geometry.earth import Datum
 
 from ..runtime.health import Health, Part
-from ..runtime.managed import LATCHED, QOS_ERRORS, ManagedNode
-from ..runtime.parameters import ConfigurationError, plain_frame
+from ..runtime.managed import LATCHED, ManagedNode
+from ..runtime.parameters import plain_frame
 
 TOPIC = 'datum'
 DATUM_TEXT = 'datum'  # key of the text on /diagnostics
@@ -120,29 +117,15 @@ class DatumInput(FrameDatum):
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
-        self._subscription, self._refusal = None, ''
+        self._refusal = ''
 
     def activate(self, node: ManagedNode) -> None:
-        """Subscribe, where the datum is to be found by others."""
+        """Subscribe, where the datum is to be found by others; what is known stays."""
         if not self.awaited:
             return
         self.wait_for(f'nothing came on {node.resolve_topic_name(TOPIC)} yet, which pulse_buffer '
                       'publishes once fixes tell it')
-        try:
-            self._subscription = node.create_subscription(
-                TransformStamped, TOPIC, self._receive, LATCHED,
-                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-                event_callbacks=SubscriptionEventCallbacks(
-                    incompatible_qos=functools.partial(node.report_incompatible_qos, TOPIC,
-                                                       'subscription')))
-        except QOS_ERRORS as error:
-            raise ConfigurationError(f'QoS override of {TOPIC}: {error}') from error
-
-    def deactivate(self, node: ManagedNode) -> None:
-        """Listen no more; what is known stays."""
-        subscription, self._subscription = self._subscription, None
-        if subscription is not None:
-            node.destroy_subscription(subscription)
+        node.create_input(TransformStamped, TOPIC, self._receive, LATCHED)
 
     def _receive(self, message: TransformStamped) -> None:
         frame = plain_frame(message.child_frame_id)

@@ -6,8 +6,6 @@ import collections
 import time
 from collections.abc import Mapping
 
-from rclpy.clock import Clock, ClockType
-
 from sar_imaging.autofocus.track import PhaseCentreTrack
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.poses import PoseTrack, PoseVerdict
@@ -57,7 +55,6 @@ class KnownPositions:
         self._n_pulses = 0
         self._last_input_s = time.monotonic()
         self._asked_ns = None  # first time of the aperture that was asked for last
-        self._timer = None
         self.awaited = False
 
     @property
@@ -77,18 +74,9 @@ class KnownPositions:
                 self.awaited = False  # until an image waits again
                 node.wake()
 
-        self._timer = node.create_timer(_WAIT_PERIOD_S, look,
-                                        clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.repeat(_WAIT_PERIOD_S, look)
         if self._input is not None:
             self._input.activate(node)
-
-    def deactivate(self, node: Stage) -> None:
-        """Undo `activate`."""
-        if self._input is not None:
-            self._input.deactivate()
-        if self._timer is not None:
-            node.destroy_timer(self._timer)
-            self._timer = None
 
     def add(self, block: PulseBlock) -> None:
         """Remember the phase centres of pulses that came in the order of their times."""

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import collections
 import contextlib
-import functools
 import time
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
-from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.time import Time
 
 from ...geometry.alignment import Alignment
@@ -25,7 +21,7 @@ from ...geometry.poses import PoseTrack
 from ...geometry.poses.track import CAPACITY
 from ..runtime.health import Cause, Health, Part
 from ..runtime.input_watch import InputWatch
-from ..runtime.managed import QOS_ERRORS, ManagedNode
+from ..runtime.managed import ManagedNode
 from ..runtime.parameters import ConfigurationError, Parameter, one_of, plain_frame
 from .fix_input import PARAMETERS as FIX_PARAMETERS, FixPoseSource
 from .frame_datum import FrameDatum
@@ -148,14 +144,9 @@ class TfSampler:
         self._take, self._error = take, tf2_ros.TransformException
         self._buffer = tf2_ros.Buffer(cache_time=Duration(seconds=30))
         self._listener = tf2_ros.TransformListener(self._buffer, node)
-        self._node, self._last_ns = node, None
-        self._timer = node.create_timer(_PERIOD_S, self._sample,
-                                        clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-    def close(self) -> None:
-        """Listen no more."""
-        self._node.destroy_timer(self._timer)
-        self._listener.unregister()
+        self._last_ns = None
+        node.activity.callback(self._listener.unregister)
+        node.repeat(_PERIOD_S, self._sample)
 
     def _sample(self) -> None:
         try:
@@ -340,7 +331,6 @@ class PoseInput:
         self._newest: dict[str, tuple[int, float, float]] = {}
         self._looks_apart = 0
         self._other_frame: str | None = None  # of the latest pose, where it is another one
-        self._release: list[Callable[[], None]] = []
         self.topic = self._source
         self.n_other_frame = 0
         self.of_fixes = (FixPoseSource(parameters, health, datum, self._source == FIX_IMU,
@@ -354,40 +344,28 @@ class PoseInput:
         """Subscribe."""
         self._last_s, self._other_frame = time.monotonic(), None
         self._newest.clear()
+        node.activity.callback(self._end)
         if self._source == TF:
-            tf = TfSampler(node, self._frame, self._parameters, self._take_parts)
-            self._release.append(tf.close)
+            TfSampler(node, self._frame, self._parameters, self._take_parts)
             return
         if self.of_fixes is not None:
             self.of_fixes.activate(node)
             self.topic = self.of_fixes.topics
-            self._release.append(lambda: self.of_fixes.deactivate(node))
             return
         message_type = {ODOMETRY: Odometry, POSE: PoseStamped}[self._source]
-        try:
-            subscription = node.create_subscription(
-                message_type, self._source, self._receive,
-                QoSProfile(depth=_QUEUE_DEPTH, reliability=ReliabilityPolicy.RELIABLE),
-                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-                event_callbacks=SubscriptionEventCallbacks(
-                    incompatible_qos=functools.partial(node.report_incompatible_qos,
-                                                       self._source, 'subscription')))
-        except QOS_ERRORS as error:
-            raise ConfigurationError(f'QoS override of {self._source}: {error}') from error
+        subscription = node.create_input(
+            message_type, self._source, self._receive,
+            QoSProfile(depth=_QUEUE_DEPTH, reliability=ReliabilityPolicy.RELIABLE))
         self.topic = subscription.topic_name
         self._watch = InputWatch(
             node, self.topic, f'{message_type.__module__.split(".")[0]}/msg/'
             f'{message_type.__name__}', subscription.qos_profile,
             patience_s=lambda: self._parameters['stall_timeout_s'],
             advice=f'remap {self._source}, or set pose.source', sender='what tells the poses')
-        self._release.append(lambda: node.destroy_subscription(subscription))
 
-    def deactivate(self) -> None:
-        """Unsubscribe and forget the poses that wait."""
+    def _end(self) -> None:
+        """Forget the poses that wait."""
         self._watch, self._last_s = None, None
-        release, self._release = self._release, []
-        for call in release:
-            call()
         self._poses.clear()
         self._health.forget_causes()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 import signal
@@ -15,7 +16,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
 from rclpy.duration import Duration
-from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -52,9 +53,9 @@ AUTOSTART = Parameter('autostart', True, 'Configure and activate at the start; w
 class ManagedNode(LifecycleNode):
     """A life cycle node whose transitions tell why they are refused.
 
-    Subclasses override `configure`, `activate`, `deactivate` and `cleanup`; a `ConfigurationError`
-    in one of the first two refuses the transition, with its text in the log, and undoes it.
-    Diagnostics are published in every state.
+    Subclasses override `configure`, `activate` and `cleanup`; a `ConfigurationError` in one of the
+    first two refuses the transition, with its text in the log, and undoes it. Diagnostics are
+    published in every state.
 
     Parameters
     ----------
@@ -75,6 +76,9 @@ class ManagedNode(LifecycleNode):
         ``unconfigured``, ``inactive``, ``active`` or ``finalized``.
     outputs : list of Publisher
         Publishers to be destroyed when the node is cleaned up.
+    activity : contextlib.ExitStack
+        How to undo what was begun since the node is active, the latest first; it is closed when
+        the node is deactivated, and when its activation fails halfway.
     works_on : bool
         A thread of the node was still at work when the node ended.
     """
@@ -92,6 +96,7 @@ class ManagedNode(LifecycleNode):
             self.health.warning(self.parameters.unknown(misspelt))
         self.state = 'unconfigured'
         self.outputs: list[Publisher] = []
+        self.activity = contextlib.ExitStack()
         self.works_on = False
         # Of their own: a service that waits for the worker must not hold up the input.
         self.service_group = MutuallyExclusiveCallbackGroup()
@@ -108,10 +113,7 @@ class ManagedNode(LifecycleNode):
         """Make what the parameters describe, outputs included."""
 
     def activate(self) -> None:
-        """Begin to work."""
-
-    def deactivate(self) -> None:
-        """End the work; called only when `activate` was, and safe when that failed halfway."""
+        """Begin to work, and tell `activity` how each thing that was begun is undone."""
 
     def cleanup(self) -> None:
         """Forget what `configure` made; outputs are destroyed afterwards."""
@@ -132,7 +134,7 @@ class ManagedNode(LifecycleNode):
             A QoS override makes no sense.
         """
         def matched(event):
-            self.report_match('subscriber', publisher, event)
+            self.report_match('subscriber', topic, event)
             if event.current_count_change > 0:
                 joined()
 
@@ -149,12 +151,41 @@ class ManagedNode(LifecycleNode):
         self.outputs.append(publisher)
         return publisher
 
-    def report_match(self, who: str, endpoint: Publisher | Subscription, event) -> None:
+    def create_input(self, message_type, topic: str, callback: Callable[[object], None],
+                     qos: QoSProfile, **events: Callable[[object], None]) -> Subscription:
+        """Subscription with QoS overrides that reports incompatible publishers.
+
+        It is destroyed when the node is deactivated.
+
+        Raises
+        ------
+        ConfigurationError
+            A QoS override makes no sense.
+        """
+        try:
+            subscription = self.create_subscription(
+                message_type, topic, callback, qos,
+                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+                event_callbacks=SubscriptionEventCallbacks(
+                    incompatible_qos=functools.partial(self.report_incompatible_qos, topic,
+                                                       'subscription'), **events))
+        except QOS_ERRORS as error:
+            raise ConfigurationError(f'QoS override of {topic}: {error}') from error
+        self.activity.callback(self.destroy_subscription, subscription)
+        return subscription
+
+    def repeat(self, period_s: float, call: Callable[[], None]) -> None:
+        """Call something periodically by the wall clock until the node is deactivated."""
+        timer = self.create_timer(period_s, call, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.activity.callback(self.destroy_timer, timer)
+
+    def report_match(self, who: str, topic: str, event) -> None:
         """Log that a publisher or subscriber joined or left."""
         if event.current_count_change == 0:
             return  # told already: two changes may arrive as one event
         change = 'joined' if event.current_count_change > 0 else 'left'
-        self.health.info(f'{who} on {endpoint.topic_name} {change} ({event.current_count} now)')
+        self.health.info(f'{who} on {self.resolve_topic_name(topic)} {change} '
+                         f'({event.current_count} now)')
 
     def report_incompatible_qos(self, topic: str, side: str, event) -> None:
         """Count and log a publisher or subscriber that cannot be connected.
@@ -206,11 +237,11 @@ class ManagedNode(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begin to work."""
-        return self._transition('activation', 'active', self.activate, undo=self.deactivate)
+        return self._transition('activation', 'active', self.activate, undo=self.activity.close)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the work; what was made at configuration stays."""
-        return self._transition('deactivation', 'inactive', self.deactivate)
+        return self._transition('deactivation', 'inactive', self.activity.close)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the configuration."""
@@ -251,7 +282,7 @@ class ManagedNode(LifecycleNode):
 
     def _end(self) -> None:
         if self.state == 'active':
-            self.deactivate()
+            self.activity.close()
             self.state = 'inactive'
         self._release()
 

@@ -14,12 +14,9 @@ import time
 from collections.abc import Callable
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import NotInitializedException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.subscription import Subscription
 from rclpy.task import Future
 from std_msgs.msg import Float32MultiArray, UInt32
 from std_srvs.srv import Trigger
@@ -33,7 +30,7 @@ from ...configuration.datum import NONE, SOURCES, configured_datum
 from .health import REJECTION, Cause, Rates
 from .inlet import Inlet
 from .input_watch import CAUSES, InputWatch
-from .managed import DIAGNOSTICS_PERIOD_S, QOS_ERRORS, ManagedNode, RCLError
+from .managed import DIAGNOSTICS_PERIOD_S, ManagedNode, RCLError
 from .overload import APERTURES, FAULTS, POLICIES, Load
 from .parameters import ANY_TIME, ConfigurationError, Parameter, one_of
 from .saving import FileThread
@@ -191,7 +188,6 @@ class Stage(ManagedNode):
         self._watch: InputWatch | None = None
         self._chain: Chain | None = None
         self._worker: Load | None = None
-        self._subscription: Subscription | None = None
         self.create_service(Trigger, '~/reset', self._reset, callback_group=self.service_group)
         if self.STEPS[-1].FORMS_IMAGES:
             self.create_service(Trigger, '~/form_image', self._form_image,
@@ -226,46 +222,36 @@ class Stage(ManagedNode):
     def activate(self) -> None:
         """Subscribe and begin to work; see `ManagedNode.activate`."""
         p = self.parameters
+        for step in self._chain.steps:
+            step.activate(self)
         self._worker = Load(self._work, self._inlet, p, self.health, self._chain.skip,
                             on_error=self._work_failed, on_idle=self._chain.idle,
                             idle_s=self._chain.idle_s, name=self.get_name())
         self._worker.start()
-        for step in self._chain.steps:
-            step.activate(self)
-        try:
-            self._subscription = self.create_subscription(
-                Float32MultiArray, self.INPUT, self._receive, stream_qos(p),
-                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-                event_callbacks=SubscriptionEventCallbacks(
-                    incompatible_qos=functools.partial(self.report_incompatible_qos, self.INPUT,
-                                                       'subscription'),
-                    message_lost=self._message_lost, matched=self._input_matched))
-        except QOS_ERRORS as error:
-            raise ConfigurationError(f'QoS override of {self.INPUT}: {error}') from error
+        self.activity.callback(self._end_work)
+        subscription = self.create_input(
+            Float32MultiArray, self.INPUT, self._receive, stream_qos(p),
+            message_lost=self._message_lost,
+            matched=functools.partial(self.report_match, 'publisher', self.INPUT))
         self._watch = InputWatch(
-            self, self._subscription.topic_name, INPUT_TYPE, self._subscription.qos_profile,
+            self, subscription.topic_name, INPUT_TYPE, subscription.qos_profile,
             patience_s=lambda: p['stall_timeout_s'], advice='docs/wire_format.md',
             sender='its sender', strays=self._count_strays)
         settings = ''.join(step.summary() for step in self._chain.steps)
-        self.health.info(f'ready: {self._subscription.topic_name}{settings}')
+        self.health.info(f'ready: {subscription.topic_name}{settings}')
 
-    def deactivate(self) -> None:
-        """Unsubscribe, finish the block in work and drop the rest; see `ManagedNode`."""
-        subscription, self._subscription = self._subscription, None
-        if subscription is not None:
-            self.destroy_subscription(subscription)
+    def _end_work(self) -> None:
+        """Finish the block in work and drop the rest."""
         worker, self._worker = self._worker, None
         # After Ctrl-C nobody receives what the work gives, and launch kills who takes 10 s.
-        patience_s = None if self.context.ok() else PATIENCE_S
-        waiting = worker.stop(patience_s) if worker is not None else []
-        if worker is not None and worker.working:
+        waiting = worker.stop(None if self.context.ok() else PATIENCE_S)
+        if worker.working:
             self.works_on = True
+            self.activity.pop_all()  # what the steps have begun serves them still
             return
-        for step in self._chain.steps:
-            step.deactivate(self)
         self._watch = None
         self.health.forget_causes()
-        if subscription is not None:  # else the activation was refused
+        if self.state == 'active':  # else the activation was refused
             self._report_discarded('deactivated', waiting, self._chain.discard())
 
     def cleanup(self) -> None:
@@ -394,10 +380,6 @@ class Stage(ManagedNode):
         return text
 
     # ------------------------------------------------------------------------- events, diagnostics
-
-    def _input_matched(self, event) -> None:
-        if self._subscription is not None:
-            self.report_match('publisher', self._subscription, event)
 
     def _message_lost(self, event) -> None:
         self.health.count('messages_lost', event.total_count_change)

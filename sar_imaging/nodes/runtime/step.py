@@ -81,10 +81,10 @@ class Step:
         """Create the publishers of the step's products."""
 
     def activate(self, node: Stage) -> None:
-        """Begin to work: publish what stands already, subscribe to what else is needed."""
+        """Begin to work: publish what stands already, subscribe to what else is needed.
 
-    def deactivate(self, node: Stage) -> None:
-        """Undo `activate`; safe when that failed halfway."""
+        What is not undone by the node itself goes to `ManagedNode.activity`.
+        """
 
     def work(self, item, received_s: float) -> None:
         """Process an item and hand on what became complete.

@@ -5,7 +5,6 @@ import pathlib
 import re
 import threading
 import time
-import types
 
 import numpy as np
 import pytest
@@ -198,10 +197,7 @@ def test_images_do_not_wait_for_maps_and_the_newest_that_waits_replaces_the_one_
     outputs = Outputs('obstacle_map')
     step.create_outputs(outputs)
     [first, second] = step.process(profiles)
-    node = types.SimpleNamespace(
-        create_timer=lambda *_, **__: None, in_worker=lambda work: work(),
-        context=types.SimpleNamespace(ok=lambda: True))
-    step._obstacles.activate(node)
+    step._obstacles.activate(outputs)
     step.publish(first)
     assert begun.wait(60.0)
     for image in (first, second):  # while the first map is in work
@@ -214,7 +210,7 @@ def test_images_do_not_wait_for_maps_and_the_newest_that_waits_replaces_the_one_
     stamps = [_ns(m.header.stamp) for m in outputs.sent['obstacle_map']]
     assert stamps == [first.stamp_ns, second.stamp_ns]
     assert log['last_obstacle_map_seconds'] > 0
-    step._obstacles.deactivate(node)
+    outputs.activity.close()
     cells, _ = occupancy_from_message(outputs.sent['obstacle_map'][-1])
     assert (cells == -1).all()
 
@@ -274,15 +270,14 @@ def test_images_on_terrain_have_no_obstacle_map(car, tmp_path):
     outputs = Outputs()
     step.create_outputs(outputs)
     assert 'image' in outputs.sent and 'obstacle_map' not in outputs.sent
-    step.deactivate(outputs)
 
 
 def test_a_node_that_stops_leaves_an_unknown_map(car, profiles):
-    running = types.SimpleNamespace(context=types.SimpleNamespace(ok=lambda: True))
     step, _ = image_step(car)
     outputs = published(step, [profiles], 'obstacle_map')
     assert (occupancy_from_message(outputs.sent['obstacle_map'][-1])[0] == 0).any()
-    step.deactivate(running)
+    step._obstacles.activate(outputs)
+    outputs.activity.close()
     assert (occupancy_from_message(outputs.sent['obstacle_map'][-1])[0] == -1).all()
 
 

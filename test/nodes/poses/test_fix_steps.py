@@ -99,10 +99,8 @@ def test_bad_messages_are_counted_and_told_of_once(listening):
 
 def test_what_was_begun_is_undone(listening):
     assert set(listening.node.callbacks) == {'datum', 'fix', 'imu'}
-    listening.poses.deactivate()
-    listening.datum.deactivate(listening.node)
+    listening.node.activity.close()
     assert listening.node.callbacks == {}
-    listening.datum.deactivate(listening.node)  # safe when nothing was
 
 
 def test_where_poses_contradict_fixes_the_search_begins_anew():
@@ -135,5 +133,5 @@ def test_where_poses_contradict_fixes_the_search_begins_anew():
     np.testing.assert_allclose(found.to_ecef(np.eye(3)), DATUM.to_ecef(np.eye(3)), atol=1e-6)
     step.update_counters()
     assert (log['fixes_received'], log['fixes_rejected']) == (40, 0)
-    step.deactivate(node)
+    node.activity.close()
     assert node.callbacks == {}

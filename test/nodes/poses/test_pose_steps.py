@@ -33,28 +33,20 @@ class Node(Outputs):
         super().__init__()
         self.callbacks, self.timers, self.wakes = {}, [], 0
 
-    def create_subscription(self, message_type, topic, callback, qos, **options):
+    def create_input(self, message_type, topic, callback, qos, **events):
         self.callbacks[topic] = callback
+        self.activity.callback(self.callbacks.pop, topic)
         return types.SimpleNamespace(topic_name=f'/{topic}', qos_profile=qos)
 
-    def destroy_subscription(self, subscription):
-        del self.callbacks[subscription.topic_name[1:]]
-
-    def create_timer(self, period_s, callback, clock):
-        self.timers.append(callback)
-        return callback
+    def repeat(self, period_s, call):
+        self.timers.append(call)
+        self.activity.callback(self.timers.remove, call)
 
     def get_publishers_info_by_topic(self, topic):
         return []
 
     def get_topic_names_and_types(self):
         return []
-
-    def destroy_timer(self, timer):
-        self.timers.remove(timer)
-
-    def report_incompatible_qos(self, event):
-        raise AssertionError('nothing is incompatible here')
 
     def wake(self):
         self.wakes += 1
@@ -172,9 +164,8 @@ def test_the_timer_looks_for_ends_only_where_something_waits(flight):
     look()
     assert flight.node.wakes == 1
     assert flight.step.discard() == 10
-    flight.step.deactivate(flight.node)
+    flight.node.activity.close()
     assert (flight.node.timers, flight.node.callbacks) == ([], {})
-    flight.step.deactivate(flight.node)  # safe again
 
 
 def test_poses_that_stop_are_told_of_once_and_so_is_that_they_go_on(flight, monkeypatch):
@@ -196,7 +187,7 @@ def test_poses_that_stop_are_told_of_once_and_so_is_that_they_go_on(flight, monk
     # Activated again, the wait begins anew.
     clock.now_s += 5.001
     assert told('no poses on') == 2
-    flight.step.deactivate(flight.node)
+    flight.node.activity.close()
     flight.step.activate(flight.node)
     flight.send([30])
     assert told('poses go on') == 1 and told('no poses on') == 2
