@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 import sys
-import time
 from collections.abc import Callable, Mapping
 
 from sar_imaging.backends import compile_beforehand
@@ -40,7 +39,7 @@ from .runtime.inlet import SubapertureImages
 from .runtime.managed import ManagedNode, run
 from .runtime.parameters import ANY_TIME, BACKEND, Parameter, backend_of
 from .runtime.stage import Stage
-from .runtime.step import Step
+from .runtime.step import LiveStep
 
 PARAMETERS = (
     Parameter('images_every', 0, 'Sub-apertures from one image of an aperture underway to the '
@@ -62,7 +61,7 @@ PARAMETERS = (
 )
 
 
-class FusionStep(Step):
+class FusionStep(LiveStep):
     """Sub-aperture images to images; see `LiveFusion`."""
 
     NAME = 'afbp_fusion'
@@ -77,18 +76,22 @@ class FusionStep(Step):
     FAULTS = ('subapertures_missing', 'subapertures_late', 'subapertures_duplicate',
               'subapertures_refused', 'pulses_missing', 'apertures_dropped', 'restarts',
               *image_brightness.FAULTS, *obstacle_products.FAULTS)
+    LIVE_PARAMETERS = 'images_every', 'min_pulse_fraction'
+    STATISTICS = {**{f'subapertures_{key}': key
+                     for key in ('fused', 'late', 'duplicate', 'refused')},
+                  **{key: key for key in ('apertures_dropped', 'restarts', 'revisions')}}
+    UNDERWAY = 'fused'
     IDLE_PARAMETER = 'fusion_timeout_s'
-    FORMS_IMAGES = True
     SAVE_SERVICE = 'save_image'
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
-        self._fusion = LiveFusion(images_every=parameters['images_every'],
+        self.live = LiveFusion(images_every=parameters['images_every'],
                                   min_pulse_fraction=parameters['min_pulse_fraction'],
                                   max_image_pixels=parameters['max_image_pixels'],
                                   backend=backend_of(parameters))
         if parameters[PHASE_GRADIENT.name]:
-            self._fusion.focus = PolarFocus(health)
+            self.live.focus = PolarFocus(health)
         most = parameters['strip_max_pixels']
         self._strip = StripMosaic(most) if most else None
         self._tracks = SubapertureTracks()
@@ -98,10 +101,8 @@ class FusionStep(Step):
         self._weighted = pattern is not None
         self._brightness = ImageBrightness(parameters, pattern, health)
         self._carrier_hz = 0.0  # of the latest sub-aperture
-        self._seconds = 0.0  # of work since the last image
         self._n_window = 0  # sub-apertures of a complete image
         self._underway = 0  # pulses since the last aperture was closed
-        self._dropped = False  # by the latest flush
         compile_beforehand('SpectrumFusion')  # the first image must not wait for it
 
     def create_outputs(self, node: ManagedNode) -> None:
@@ -124,27 +125,24 @@ class FusionStep(Step):
 
     def process(self, subaperture: SubapertureImage) -> list[FusedImage]:
         """Fuse a sub-aperture image; returns the images that this made possible."""
-        before = dataclasses.replace(self._fusion.statistics)
-        images = self._follow(self._fusion.add, subaperture)
+        before = dataclasses.replace(self.live.statistics)
+        images = self.follow(self.live.add, subaperture)
         self._tracks.add(subaperture)
         self._carrier_hz = subaperture.fusion.carrier_hz
-        statistics = self._fusion.statistics
+        statistics = self.live.statistics
         self._underway += subaperture.n_pulses * (statistics.fused - before.fused)
         closed = [image.aperture for image in images if image.final]
         if closed or statistics.apertures_dropped > before.apertures_dropped:
             # One that began the next aperture is no part of them.
-            ended = subaperture.aperture in closed or not self._fusion.is_open(subaperture)
+            ended = subaperture.aperture in closed or not self.live.is_open(subaperture)
             self._underway = 0 if ended else subaperture.n_pulses
         self._n_window = min(subaperture.n_window, subaperture.n_subapertures)
         return images
 
     def flush(self) -> list[FusedImage]:
         """Close the aperture: the input pauses, or somebody asks."""
-        dropped = self._fusion.statistics.apertures_dropped
-        images = self._follow(self._fusion.flush)
         self._underway = 0
-        self._dropped = self._fusion.statistics.apertures_dropped > dropped
-        return images
+        return super().flush()
 
     def publish(self, product: FusedImage) -> None:
         """Publish an image on all its topics."""
@@ -152,7 +150,7 @@ class FusionStep(Step):
         if product.final and self._tracks.is_new(product.aperture):
             self._obstacles.publish(product.image, product.grid, product.stamp_ns,
                                     lambda: self._tracks.view(product.aperture))
-        seconds, self._seconds = self._seconds, 0.0
+        seconds = self.count_work()
         self.health.count('images_published')
         self.health.count('images_final' if product.final else 'images_progressive')
         if product.final:
@@ -160,8 +158,6 @@ class FusionStep(Step):
             self.health.count('subapertures_missing',
                               max(0, self._n_window - product.n_subapertures))
             self.health.set('pulses_missing_in_last_aperture', product.n_missing)
-        self.health.set('last_image_seconds', seconds)
-        self.health.set('image_latency_seconds', time.monotonic() - self.received_s)
         error_db = product.predicted_error_db
         self.health.set('predicted_error_db', math.nan if error_db is None else error_db)
         if isinstance(note := self._note(product), Note) and product.final:
@@ -209,50 +205,23 @@ class FusionStep(Step):
 
     def _note(self, product: FusedImage) -> Note | None:
         """What to tell about autofocus, if it was wanted."""
-        if self._fusion.focus is None or isinstance(product.focus, Note):
+        if self.live.focus is None or isinstance(product.focus, Note):
             return product.focus
         return Note('autofocus not tried', 'final images of apertures that do not slide have it')
 
-    def nothing_formed(self) -> str:
-        """Why the latest `flush` gave nothing."""
-        if self._dropped:
-            return ('the aperture has fewer pulses than '
-                    f'min_pulse_fraction={self.parameters["min_pulse_fraction"]:g} of it '
-                    'and was dropped')
-        return 'no aperture is being fused'
-
     def skip(self, aperture: int | None) -> list[FusedImage]:
         """Leave out an aperture; see `Step`."""
-        if aperture is not None and self._fusion.filling == aperture:
-            self.health.count('subapertures_skipped', self._fusion.reset())
+        if aperture is not None and self.live.filling == aperture:
+            self.health.count('subapertures_skipped', self.live.reset())
         return []
 
     def discard(self) -> int:
         """Forget the aperture being fused; returns the number of its pulses."""
-        self._fusion.reset()
-        self.report(self._fusion.take_events())
+        super().discard()
         if self._strip is not None:
             self._strip.clear()
-        underway, self._underway, self._seconds = self._underway, 0, 0.0
+        underway, self._underway = self._underway, 0
         return underway
-
-    def update_counters(self) -> None:
-        """Take the statistics of the fusion over."""
-        s = self._fusion.statistics
-        for key in ('fused', 'late', 'duplicate', 'refused'):
-            self.health.set(f'subapertures_{key}', getattr(s, key))
-        for key in ('apertures_dropped', 'restarts', 'revisions'):
-            self.health.set(key, getattr(s, key))
-
-    def _follow(self, work, *arguments) -> list[FusedImage]:
-        self._fusion.images_every = self.parameters['images_every']
-        self._fusion.min_pulse_fraction = self.parameters['min_pulse_fraction']
-        started = time.perf_counter()
-        try:
-            return work(*arguments)
-        finally:
-            self._seconds += time.perf_counter() - started
-            self.report(self._fusion.take_events())
 
 
 def _acquisition() -> Acquisition:

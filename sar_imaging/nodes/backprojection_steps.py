@@ -19,7 +19,6 @@ from ..geometry.grids import TerrainGrid
 from ..imaging.image import Image, Report, error_in_words
 from ..imaging.methods import AFBP, EXACT
 from ..signal.pulses import PulseBlock, check_frame
-from ..signal.pulses.apertures import ApertureSequence
 from ..signal.pulses.sequence import describe_counters, describe_range
 from ..streaming.aperture import ApertureImage, ApertureImager
 from ..streaming.subaperture_image import SubapertureImage
@@ -62,7 +61,7 @@ from .runtime.parameters import (
     backend_of,
     one_of,
 )
-from .runtime.step import Step
+from .runtime.step import LiveStep
 
 IMAGE, SUBAPERTURES, VOLUME = 'image', 'subapertures', 'volume'
 MIN_PULSE_FRACTION = Parameter(
@@ -110,7 +109,7 @@ PARAMETERS = (
 _REMEMBERED = 4  # apertures whose phase centres are kept: images may wait for autofocus
 
 
-class BackprojectionStep(Step):
+class BackprojectionStep(LiveStep):
     """What both modes have in common: pulses are sorted into apertures as they come."""
 
     NAME = 'backprojection'
@@ -124,11 +123,11 @@ class BackprojectionStep(Step):
                 *obstacle_products.COUNTERS, *volume_cloud.COUNTERS)
     FAULTS = ('pulses_missing', 'pulses_late', 'pulses_duplicate', 'apertures_dropped',
               'restarts', UNTAKEN, *image_brightness.FAULTS, *obstacle_products.FAULTS)
+    STATISTICS = {'pulses_imaged': 'imaged', 'pulses_late': 'late',
+                  'pulses_duplicate': 'duplicate', 'apertures_dropped': 'apertures_dropped',
+                  'restarts': 'restarts'}
     IDLE_PARAMETER = 'aperture_timeout_s'
-    FORMS_IMAGES = True
     SAVE_SERVICE = 'save_image'
-
-    _imager: ApertureSequence
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
@@ -139,8 +138,6 @@ class BackprojectionStep(Step):
         self._watch = FocusWatch(imaging.middle_grid, parameters['pulses_per_aperture'], health,
                                  watching=not (parameters[TERRAIN_FILE.name]
                                                or parameters['mode'] == VOLUME))
-        self._seconds = 0.0  # of work since the last product
-        self._dropped = False  # by the latest flush
         self._reported_for: tuple | None = None  # radar and shape of the blocks
         self._refusal = ''  # why these cannot be imaged
         self._track: TrackWarnings | None = None  # that wait for more of it
@@ -162,7 +159,7 @@ class BackprojectionStep(Step):
         self._check_pointing(block)
         self._watch.see(block)
         try:
-            return self._follow(self._imager.add, block)
+            return self.follow(self.live.add, block)
         except ValueError as error:
             raise self._watch.explain(error, block) from error
 
@@ -204,55 +201,12 @@ class BackprojectionStep(Step):
                              'is')
         self._track = None
 
-    def flush(self) -> list:
-        """Close the aperture: the input pauses, or somebody asks."""
-        dropped = self._imager.statistics.apertures_dropped
-        products = self._follow(self._imager.flush)
-        self._dropped = self._imager.statistics.apertures_dropped > dropped
-        return products
-
-    def nothing_formed(self) -> str:
-        """Why the latest `flush` gave nothing."""
-        return 'the aperture was dropped' if self._dropped else 'no aperture is being filled'
-
-    def skip(self, aperture: int | None) -> list:
-        """Leave out an aperture; see `Step`."""
-        if aperture is not None and self._imager.filling == aperture:
-            self.health.count('pulses_skipped', self.discard())
-        return []
-
-    def discard(self) -> int:
-        """Forget the aperture being filled; returns the number of its pulses."""
-        dropped = self._imager.reset()
-        self.report(self._imager.take_events())
-        self._seconds = 0.0
-        return dropped
-
-    def update_counters(self) -> None:
-        """Take the imager's statistics over."""
-        s = self._imager.statistics
-        for key in ('imaged', 'late', 'duplicate'):
-            self.health.set(f'pulses_{key}', getattr(s, key))
-        self.health.set('apertures_dropped', s.apertures_dropped)
-        self.health.set('restarts', s.restarts)
-
-    def _follow(self, work, *arguments) -> list:
-        started = time.perf_counter()
-        try:
-            return work(*arguments)
-        finally:
-            self._seconds += time.perf_counter() - started
-            self.report(self._imager.take_events())
-
     def _count_product(self, n_missing: int, predicted_error_db: float | None) -> float:
         """Count what both kinds of products have; returns the seconds of work on this one."""
-        seconds, self._seconds = self._seconds, 0.0
         self.health.count('pulses_missing', n_missing)
-        self.health.set('last_image_seconds', seconds)
-        self.health.set('image_latency_seconds', time.monotonic() - self.received_s)
         self.health.set('predicted_error_db',
                         math.nan if predicted_error_db is None else predicted_error_db)
-        return seconds
+        return self.count_work()
 
 
 class ImageStep(BackprojectionStep):
@@ -266,7 +220,7 @@ class ImageStep(BackprojectionStep):
         self._heights_m = terrain_heights(parameters, self._grid)
         chosen = backend_of(parameters)
         try:
-            self._imager = ApertureImager(
+            self.live = ApertureImager(
                 self._pixels, pulses_per_aperture=parameters['pulses_per_aperture'],
                 min_pulse_fraction=parameters['min_pulse_fraction'],
                 target_db=parameters['target_db'],
@@ -386,28 +340,23 @@ class ImageStep(BackprojectionStep):
         return Image(product.image, grid, self._pulses.radar.carrier_hz, report,
                      product.stamp_ns, product.counters.astype(np.int64))
 
-    def nothing_formed(self) -> str:
-        """Why the latest `flush` gave nothing."""
-        if self._dropped:
-            return ('the aperture has fewer pulses than '
-                    f'min_pulse_fraction={self.parameters["min_pulse_fraction"]:g} of it '
-                    'and was dropped')
-        return super().nothing_formed()
-
-    def _follow(self, work, *arguments) -> list[ApertureImage]:
-        self._imager.min_pulse_fraction = self.parameters['min_pulse_fraction']
-        if self._focus is None:
-            return super()._follow(work, *arguments)
-        return self._focused(super()._follow(work, *arguments))
+    def follow(self, work: Callable[..., list], *arguments) -> list[ApertureImage]:
+        """Images, in focus where that was asked for; see `LiveStep`."""
+        images = super().follow(work, *arguments)
+        return images if self._focus is None else self._focused(images)
 
     def _focused(self, images: list[ApertureImage], *, final: bool = False
                  ) -> list[ApertureImage]:
         """Those images that autofocus is through with; its time is work on them."""
-        return super()._follow(lambda: self._focus.take(images, final=final))
+        return super().follow(lambda: self._focus.take(images, final=final))
 
 
 class SubapertureStep(BackprojectionStep):
     """Range profiles to sub-aperture images; see `LiveSubapertures`."""
+
+    LIVE_PARAMETERS = ()
+    STATISTICS = BackprojectionStep.STATISTICS | {
+        'plans_made': 'plans', 'plans_anew': 'plans_anew', 'last_plan_seconds': 'plan_seconds'}
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
@@ -419,7 +368,7 @@ class SubapertureStep(BackprojectionStep):
                     if p['subapertures.follow'] else None)
         chosen = backend_of(p)
         try:
-            self._imager = LiveSubapertures(
+            self.live = LiveSubapertures(
                 self._grid, pulses_per_aperture=p['pulses_per_aperture'],
                 pulses_per_subaperture=p['subapertures.pulses'],
                 target_db=p['subapertures.target_db'], sliding=p['subapertures.sliding'],
@@ -445,9 +394,9 @@ class SubapertureStep(BackprojectionStep):
 
     def prepare(self) -> list[SubapertureImage]:
         """What could wait; then plan the next aperture before its pulses come; see `Step`."""
-        images = self._follow(self._imager.catch_up)
-        self._imager.plan_ahead()
-        self.report(self._imager.take_events())
+        images = self.follow(self.live.catch_up)
+        self.live.plan_ahead()
+        self.report(self.live.take_events())
         return images
 
     def publish(self, product: SubapertureImage) -> None:
@@ -473,17 +422,13 @@ class SubapertureStep(BackprojectionStep):
     def update_counters(self) -> None:
         """Take the statistics over."""
         super().update_counters()
-        s = self._imager.statistics
-        self.health.set('plans_made', s.plans)
-        self.health.set('plans_anew', s.plans_anew)
-        self.health.set('last_plan_seconds', s.plan_seconds)
-        since_s = self._imager.planning_since_s
+        since_s = self.live.planning_since_s
         self.health.cause(Cause.PLANNING, '' if since_s is None else (
             f'planning an aperture for {time.perf_counter() - since_s:.1f} s so far; pulses wait'))
 
-    def _follow(self, work, *arguments) -> list[SubapertureImage]:
-        # Rounded as messages round them, so that the pipeline's images are those of the nodes.
-        return [as_received(image) for image in super()._follow(work, *arguments)]
+    def follow(self, work: Callable[..., list], *arguments) -> list[SubapertureImage]:
+        """Images, rounded as messages round them: the pipeline's are those of the nodes."""
+        return [as_received(image) for image in super().follow(work, *arguments)]
 
 
 class VolumeStep(ImageStep):

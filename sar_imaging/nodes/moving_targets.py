@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import sys
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -36,7 +35,7 @@ from .runtime.managed import LATCHED, ManagedNode, run
 from .runtime.parameters import ANY_TIME, Parameter, one_of
 from .runtime.saving import SAVE_FOLDER, file_stem
 from .runtime.stage import Stage
-from .runtime.step import Step
+from .runtime.step import LiveStep
 
 PARAMETERS = (
     *GRID_PARAMETERS,
@@ -58,7 +57,7 @@ PARAMETERS = (
 )
 
 
-class MovingTargetsStep(Step):
+class MovingTargetsStep(LiveStep):
     """Range profiles to moving targets; see `LiveMovingTargets`."""
 
     NAME = 'moving_targets'
@@ -68,8 +67,10 @@ class MovingTargetsStep(Step):
                 'search_latency_seconds')
     FAULTS = ('pulses_missing', 'pulses_late', 'pulses_duplicate', 'apertures_dropped',
               'restarts')
+    STATISTICS = {'pulses_used': 'imaged', 'pulses_late': 'late', 'pulses_duplicate': 'duplicate',
+                  'apertures_dropped': 'apertures_dropped', 'restarts': 'restarts'}
+    WORK = 'search'
     IDLE_PARAMETER = 'aperture_timeout_s'
-    FORMS_IMAGES = True
     SAVE_SERVICE = 'save_targets'
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
@@ -79,10 +80,9 @@ class MovingTargetsStep(Step):
             self._grid, false_alarm_rate=parameters['false_alarm_rate'],
             largest_speed_m_per_s=parameters['largest_speed'] or None,
             window=parameters['window'], texture=parameters['clutter'])
-        self._live = LiveMovingTargets(
+        self.live = LiveMovingTargets(
             finder, pulses_per_aperture=parameters['pulses_per_aperture'],
             min_pulse_fraction=parameters['min_pulse_fraction'])
-        self._seconds = 0.0  # of work since the last search
         self._datum = DatumInput(parameters, health)
         self._latest: tuple[int, np.ndarray] | None = None  # time and points
         compile_beforehand('Backprojection')  # the first search must not wait for it
@@ -110,46 +110,11 @@ class MovingTargetsStep(Step):
     def process(self, block: PulseBlock) -> list[MovingTargets]:
         """Add profiles to their aperture; returns the movers of those that became complete."""
         check_frame(block, self.parameters['frame_id'])
-        return self._follow(self._live.add, block)
-
-    def flush(self) -> list[MovingTargets]:
-        """Close the aperture: the input pauses, or somebody asks."""
-        return self._follow(self._live.flush)
+        return self.follow(self.live.add, block)
 
     def nothing_formed(self) -> str:
         """Why the latest `flush` gave nothing."""
         return 'no aperture is being filled, or it was dropped; see the log'
-
-    def skip(self, aperture: int | None) -> list[MovingTargets]:
-        """Leave out an aperture; see `Step`."""
-        if aperture is not None and self._live.filling == aperture:
-            self.health.count('pulses_skipped', self.discard())
-        return []
-
-    def discard(self) -> int:
-        """Forget the aperture being filled; returns the number of its pulses."""
-        dropped = self._live.reset()
-        self.report(self._live.take_events())
-        self._seconds = 0.0
-        return dropped
-
-    def update_counters(self) -> None:
-        """Take the statistics over."""
-        s = self._live.statistics
-        self.health.set('pulses_used', s.imaged)
-        self.health.set('pulses_late', s.late)
-        self.health.set('pulses_duplicate', s.duplicate)
-        self.health.set('apertures_dropped', s.apertures_dropped)
-        self.health.set('restarts', s.restarts)
-
-    def _follow(self, work, *arguments) -> list[MovingTargets]:
-        self._live.min_pulse_fraction = self.parameters['min_pulse_fraction']
-        started = time.perf_counter()
-        try:
-            return work(*arguments)
-        finally:
-            self._seconds += time.perf_counter() - started
-            self.report(self._live.take_events())
 
     def publish(self, product: MovingTargets) -> None:
         """Publish the targets, and the interferogram for whoever listens."""
@@ -164,13 +129,11 @@ class MovingTargetsStep(Step):
                                          geographic=self._datum.geographic(points[:, :3])))
         if self._interferogram.get_subscription_count():
             self._interferogram.publish(complex_to_message(product.interferogram, header))
-        seconds, self._seconds = self._seconds, 0.0
+        seconds = self.count_work()
         self.health.count('apertures_searched')
         self.health.count('targets_found', len(product.detections))
         self.health.count('pulses_missing', len(product.missing))
         self.health.set('pulses_missing_in_last_aperture', len(product.missing))
-        self.health.set('last_search_seconds', seconds)
-        self.health.set('search_latency_seconds', time.monotonic() - self.received_s)
         self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work')
 
     def saving(self) -> Callable[[], str]:

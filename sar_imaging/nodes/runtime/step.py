@@ -16,6 +16,9 @@ from .inlet import Inlet, PulseBlocks
 from .parameters import Parameter
 
 if TYPE_CHECKING:
+    from sar_imaging.signal.pulses.apertures import ApertureSequence
+    from sar_imaging.streaming.fusion import LiveFusion
+
     from .managed import ManagedNode
     from .stage import Stage
 
@@ -203,6 +206,85 @@ class Step:
                 self.health.info(event.text)
             else:
                 self.health.warning(event.text)
+
+
+class LiveStep(Step):
+    """A step around a class that works on apertures while pulses arrive, and tells of it.
+
+    Attributes
+    ----------
+    live : ApertureSequence or LiveFusion
+        That class.
+    LIVE_PARAMETERS : tuple of str
+        Parameters that are attributes of it.
+    STATISTICS : mapping
+        Names of its statistics by the counters that show them.
+    WORK, UNDERWAY : str
+        What its work is, in names of counters; what happens to an aperture meanwhile.
+    """
+
+    FORMS_IMAGES = True
+    LIVE_PARAMETERS: tuple[str, ...] = ('min_pulse_fraction',)
+    STATISTICS: Mapping[str, str]
+    WORK, UNDERWAY = 'image', 'filled'
+    live: ApertureSequence | LiveFusion
+
+    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+        super().__init__(parameters, health)
+        self._seconds = 0.0  # of work since the last product
+        self._dropped = False  # by the latest flush
+
+    def flush(self) -> list:
+        """Close the aperture: the input pauses, or somebody asks."""
+        dropped = self.live.statistics.apertures_dropped
+        products = self.follow(self.live.flush)
+        self._dropped = self.live.statistics.apertures_dropped > dropped
+        return products
+
+    def nothing_formed(self) -> str:
+        """Why the latest `flush` gave nothing."""
+        if not self._dropped:
+            return f'no aperture is being {self.UNDERWAY}'
+        if not self.LIVE_PARAMETERS:
+            return 'the aperture was dropped'
+        return ('the aperture has fewer pulses than min_pulse_fraction='
+                f'{self.parameters["min_pulse_fraction"]:g} of it and was dropped')
+
+    def skip(self, aperture: int | None) -> list:
+        """Leave out an aperture; see `Step`."""
+        if aperture is not None and self.live.filling == aperture:
+            self.health.count('pulses_skipped', self.discard())
+        return []
+
+    def discard(self) -> int:
+        """Forget the aperture underway; returns what `live` does."""
+        dropped = self.live.reset()
+        self.report(self.live.take_events())
+        self._seconds = 0.0
+        return dropped
+
+    def update_counters(self) -> None:
+        """Take the statistics over."""
+        for key, name in self.STATISTICS.items():
+            self.health.set(key, getattr(self.live.statistics, name))
+
+    def follow(self, work: Callable[..., list], *arguments) -> list:
+        """Products of some work, whose time counts and whose events are logged."""
+        for name in self.LIVE_PARAMETERS:
+            setattr(self.live, name, self.parameters[name])
+        started = time.perf_counter()
+        try:
+            return work(*arguments)
+        finally:
+            self._seconds += time.perf_counter() - started
+            self.report(self.live.take_events())
+
+    def count_work(self) -> float:
+        """Seconds of work on the latest product; counted with what it is late."""
+        seconds, self._seconds = self._seconds, 0.0
+        self.health.set(f'last_{self.WORK}_seconds', seconds)
+        self.health.set(f'{self.WORK}_latency_seconds', time.monotonic() - self.received_s)
+        return seconds
 
 
 class Chain:
