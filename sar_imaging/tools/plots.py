@@ -76,27 +76,17 @@ def save_image_png(path: Path | str, image, grid: MapGrid, *, truth: Sequence[di
     level = _decibels(magnitude, black_db)
     peak_db = 0.0 if quantity is None or not magnitude.max() > 0 else (
         20 * math.log10(float(magnitude.max())))
-    (x_ref, x_label), (y_ref, y_label) = _axis('x', grid.x_m), _axis('y', grid.y_m)
-    half = grid.spacing_m / 2
-    extent = (grid.x_m[0] - half - x_ref, grid.x_m[-1] + half - x_ref,
-              grid.y_m[-1] - half - y_ref, grid.y_m[0] + half - y_ref)
-    figure, axes, bar_axes = _layout(extent[1] - extent[0], extent[3] - extent[2])
-    drawn = axes.imshow(level + peak_db, extent=extent, cmap='gray', interpolation='bilinear',
-                        norm=Normalize(black_db + peak_db, white_db + peak_db), aspect='auto')
+    drawing = _Drawing(grid)
+    figure, axes = drawing.figure, drawing.axes
+    drawn = drawing.show(level + peak_db, cmap='gray', interpolation='bilinear',
+                         norm=Normalize(black_db + peak_db, white_db + peak_db))
     for scatterer in truth:
-        x, y = scatterer['position_m'][0] - x_ref, scatterer['position_m'][1] - y_ref
-        _mark(axes, extent, x, y, scatterer['name'] if len(truth) <= MOST_NAMES else '')
-    axes.set(xlabel=x_label, ylabel=y_label, xlim=extent[:2], ylim=extent[2:])
-    axes.tick_params(direction='out', labelsize=8)
+        drawing.mark(scatterer['position_m'],
+                     scatterer['name'] if len(truth) <= MOST_NAMES else '')
     slim = axes.get_position().width * figure.get_figwidth() < NARROWEST - sum(MARGINS[:2])
-    axes.annotate(title, (0.5 if slim else 0, 1), xytext=(0, 9), xycoords='axes fraction',
-                  textcoords='offset points', fontsize=10, ha='center' if slim else 'left')
-    bar = figure.colorbar(drawn, cax=bar_axes)
-    low = bar_axes.get_position().height * figure.get_figheight() < 2.5
+    low = drawing.bar.get_position().height * figure.get_figheight() < 2.5
     unit = 'dB relative to the brightest pixel' if quantity is None else f'{quantity}, dB'
-    bar.set_label('dB' if low else unit, fontsize=9)
-    bar.ax.tick_params(labelsize=8)
-    figure.savefig(path, dpi=DPI)
+    drawing.save(path, drawn, 'dB' if low else unit, title, centred=slim)
 
 
 def save_values_png(path: Path | str, values, grid: MapGrid, *, title: str, label: str,
@@ -127,30 +117,57 @@ def save_values_png(path: Path | str, values, grid: MapGrid, *, title: str, labe
     """
     values = np.asarray(values)
     grid.check_image(values)
-    extent, x_label, y_label = _extent(grid)
-    figure, axes, bar_axes = _layout(extent[1] - extent[0], extent[3] - extent[2])
-    axes.set_facecolor('white')
-    drawn = axes.imshow(values, extent=extent, cmap=colours, interpolation='nearest',
-                        norm=Normalize(*limits), aspect='auto')
+    drawing = _Drawing(grid)
+    drawing.axes.set_facecolor('white')
+    drawn = drawing.show(values, cmap=colours, interpolation='nearest', norm=Normalize(*limits))
     if marked is not None:
-        axes.imshow(np.ma.masked_equal(marked, False), extent=extent, aspect='auto', alpha=0.75,
-                    cmap=ListedColormap([CHANGED]), interpolation='nearest')
-    axes.set(xlabel=x_label, ylabel=y_label, xlim=extent[:2], ylim=extent[2:])
-    axes.tick_params(direction='out', labelsize=8)
-    axes.annotate(title, (0, 1), xytext=(0, 9), xycoords='axes fraction',
-                  textcoords='offset points', fontsize=10)
-    bar = figure.colorbar(drawn, cax=bar_axes)
-    bar.set_label(label, fontsize=9)
-    bar.ax.tick_params(labelsize=8)
-    figure.savefig(path, dpi=DPI)
+        drawing.show(np.ma.masked_equal(marked, False), alpha=0.75, interpolation='nearest',
+                     cmap=ListedColormap([CHANGED]))
+    drawing.save(path, drawn, label, title)
 
 
-def _extent(grid: MapGrid) -> tuple[tuple[float, float, float, float], str, str]:
-    """Edges of the pixels, left, right, bottom and top, metres, and the labels of both axes."""
-    (x_ref, x_label), (y_ref, y_label) = _axis('x', grid.x_m), _axis('y', grid.y_m)
-    half = grid.spacing_m / 2
-    return ((grid.x_m[0] - half - x_ref, grid.x_m[-1] + half - x_ref,
-             grid.y_m[-1] - half - y_ref, grid.y_m[0] + half - y_ref), x_label, y_label)
+class _Drawing:
+    """A picture of a map: axes in metres and a colour bar."""
+
+    def __init__(self, grid: MapGrid):
+        (self._x_ref, x_label), (self._y_ref, y_label) = _axis('x', grid.x_m), _axis('y', grid.y_m)
+        half = grid.spacing_m / 2
+        self._extent = (grid.x_m[0] - half - self._x_ref, grid.x_m[-1] + half - self._x_ref,
+                        grid.y_m[-1] - half - self._y_ref, grid.y_m[0] + half - self._y_ref)
+        left, right, bottom, top = self._extent
+        self.figure, self.axes, self.bar = _layout(right - left, top - bottom)
+        self.axes.set(xlabel=x_label, ylabel=y_label)
+        self.axes.tick_params(direction='out', labelsize=8)
+
+    def show(self, values: np.ndarray, **style):
+        """Draw values over the whole map."""
+        return self.axes.imshow(values, extent=self._extent, aspect='auto', **style)
+
+    def mark(self, position_m: Sequence[float], name: str) -> None:
+        """Thin circle around a true position, its name beside it; nothing outside the image."""
+        left, right, bottom, top = self._extent
+        x, y = position_m[0] - self._x_ref, position_m[1] - self._y_ref
+        if not (left <= x <= right and bottom <= y <= top):
+            return
+        self.axes.plot(x, y, 'o', markersize=11, markerfacecolor='none', markeredgecolor=MARK,
+                       markeredgewidth=0.7)
+        to_left = x > left + 0.75 * (right - left)
+        self.axes.annotate(
+            name, (x, y), xytext=(-6 if to_left else 6, 7), textcoords='offset points',
+            ha='right' if to_left else 'left', va='center', color=MARK, fontsize=7,
+            path_effects=[withStroke(linewidth=1.2, foreground='black')])
+
+    def save(self, path: Path | str, drawn, label: str, title: str, *, centred: bool = False
+             ) -> None:
+        """Write the picture, with the colours of what was drawn in the bar."""
+        self.axes.set(xlim=self._extent[:2], ylim=self._extent[2:])
+        self.axes.annotate(title, (0.5 if centred else 0, 1), xytext=(0, 9),
+                           xycoords='axes fraction', textcoords='offset points', fontsize=10,
+                           ha='center' if centred else 'left')
+        bar = self.figure.colorbar(drawn, cax=self.bar)
+        bar.set_label(label, fontsize=9)
+        bar.ax.tick_params(labelsize=8)
+        self.figure.savefig(path, dpi=DPI)
 
 
 def _multilook(image: np.ndarray) -> np.ndarray:
@@ -226,15 +243,3 @@ def _layout(width_m: float, height_m: float):
     bar = figure.add_axes(((left + width + 0.2) / total_w, bottom / total_h, 0.16 / total_w,
                            bar_height / total_h))
     return figure, axes, bar
-
-
-def _mark(axes, extent, x: float, y: float, name: str) -> None:
-    """Thin circle around a true position, its name beside it; nothing outside the image."""
-    if not (extent[0] <= x <= extent[1] and extent[2] <= y <= extent[3]):
-        return
-    axes.plot(x, y, 'o', markersize=11, markerfacecolor='none', markeredgecolor=MARK,
-              markeredgewidth=0.7)
-    to_left = x > extent[0] + 0.75 * (extent[1] - extent[0])
-    axes.annotate(name, (x, y), xytext=(-6 if to_left else 6, 7), textcoords='offset points',
-                  ha='right' if to_left else 'left', va='center', color=MARK, fontsize=7,
-                  path_effects=[withStroke(linewidth=1.2, foreground='black')])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
+import sys
 import time
 
 import numpy as np
@@ -153,6 +155,69 @@ def verify(source: PulseSource, image: Image, n_bytes: float) -> Verification | 
                              illumination=source.illumination)
     except ValueError as error:
         return str(error)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Formed:
+    """An image of a source, and how it came to be.
+
+    Attributes
+    ----------
+    source : PulseSource
+        Its pulses.
+    choice : GridChoice
+        Its pixels.
+    image : Image
+    seconds : float
+        That it took.
+    measured : Verification or str
+        Its error, or why that could not be measured.
+    """
+
+    source: PulseSource
+    choice: GridChoice
+    image: Image
+    seconds: float
+    measured: Verification | str
+
+    def figures(self) -> dict:
+        """What quality.json says of every image."""
+        report, source, measured = self.image.report, self.source, self.measured
+        warnings = [*source.warnings, *report.warnings]
+        if isinstance(measured, str):
+            warnings.append(f'the error could not be measured: {measured}')
+        elif measured.error_db > report.target_db:
+            warnings.append(f'the error measured, {measured.error_db:.1f} dB, misses the wanted '
+                            f'{report.target_db:g} dB')
+        return {
+            'file': str(source.path), 'pulses': source.n_pulses, 'channels': source.n_channels,
+            'shape': list(self.image.shape), 'chosen': list(self.choice.reasons),
+            'grid': {'type': type(self.image.grid).__name__,
+                     **dataclasses.asdict(self.image.grid)},
+            'method': report.method, 'target_db': report.target_db,
+            'predicted_error_db': report.predicted_error_db,
+            'measured_error': None if isinstance(measured, str) else {
+                name: value if math.isfinite(value) else None
+                for name, value in dataclasses.asdict(measured).items()},
+            'seconds': round(self.seconds, 3), 'warnings': warnings}
+
+
+def form_and_verify(source: PulseSource, choice: GridChoice,
+                    arguments: argparse.Namespace) -> Formed:
+    """Image of a source as the arguments ask for; tells why the grid is this one."""
+    for reason in choice.reasons:
+        print(reason, file=sys.stderr)
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    n_bytes = memory_bytes(arguments)
+    image, seconds = form(source, choice, arguments.target_db, n_bytes)
+    return Formed(source, choice, image, seconds, verify(source, image, n_bytes))
+
+
+def title_of(source: PulseSource) -> str:
+    """Title of pictures."""
+    radar = source.radar
+    return (f'{source.path.name}: {source.n_pulses} pulses, {radar.carrier_hz / 1e9:.4g} GHz, '
+            f'{radar.bandwidth_hz / 1e6:.4g} MHz')
 
 
 def drawn_grid(choice: GridChoice) -> tuple[MapGrid, str]:

@@ -26,12 +26,11 @@ from sar_imaging.formats import (
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.image import Image
 from sar_imaging.quality import focus_figure, measure_scatterer
-from sar_imaging.quality.verification import Verification
 from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
 
 from ...formats.report import Section, write_report
 from ...recordings.pulse_source import PulseSource, SourceError, lit_acquisition, open_pulses
-from ..arguments import add_pulses, datum_of, memory_bytes
+from ..arguments import add_pulses, datum_of
 from ..plots import save_image_png
 from ..program import command_parser, main_of
 from . import brightness, forming, volume
@@ -93,14 +92,8 @@ def run(arguments: argparse.Namespace) -> str:
     _check_formats(arguments, source)
     constant = brightness.constant_of(arguments)
     choice = forming.choose(source, arguments)
-    for reason in choice.reasons:
-        print(reason, file=sys.stderr)
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    n_bytes = memory_bytes(arguments)
-    image, seconds = forming.form(source, choice, arguments.target_db, n_bytes)
-    measured = forming.verify(source, image, n_bytes)
-    quality = describe(source, choice, image, seconds, measured)
-    calibration = {}
+    formed = forming.form_and_verify(source, choice, arguments)
+    image, quality, calibration = formed.image, describe(formed), {}
     if constant is not None:
         response = brightness.respond(source, choice)
         image, quality['brightness'] = brightness.calibrate_image(
@@ -112,8 +105,8 @@ def run(arguments: argparse.Namespace) -> str:
         _write_report(folder, source, choice, image, quality)
     names = ', '.join([*written, 'image.npy', 'quality.json', 'report.html'])
     return '\n'.join([
-        f'{image.shape[1]} by {image.shape[0]} pixels of {choice.spacing_m:g} m in {seconds:.1f} '
-        f's by {image.report.method}', f'error: {_errors(quality)}',
+        f'{image.shape[1]} by {image.shape[0]} pixels of {choice.spacing_m:g} m in '
+        f'{formed.seconds:.1f} s by {image.report.method}', f'error: {_errors(quality)}',
         *(f'warning: {text}' for text in quality['warnings']),
         f'written to {arguments.output}: {names}'])
 
@@ -143,9 +136,7 @@ def write_products(folder: Path, formats: Sequence[str], source: PulseSource, ch
     np.save(folder / 'image.npy', image.samples)
     grid, axes = forming.drawn_grid(choice)
     known = source.scatterers if isinstance(choice.grid, MapGrid) else ()
-    radar = source.radar
-    title = (f'{source.path.name}: {source.n_pulses} pulses, {radar.carrier_hz / 1e9:.4g} GHz, '
-             f'{radar.bandwidth_hz / 1e6:.4g} MHz')
+    title = forming.title_of(source)
     save_image_png(folder / FILES['png'], image.samples, grid, truth=known,
                    title=f'{title}; {axes}' if axes else title, quantity=quantity)
     written = [FILES['png']]
@@ -168,39 +159,27 @@ def write_products(folder: Path, formats: Sequence[str], source: PulseSource, ch
     return written
 
 
-def describe(source: PulseSource, choice: GridChoice, image: Image, seconds: float,
-             measured: Verification | str) -> dict:
+def describe(formed: forming.Formed) -> dict:
     """Contents of quality.json."""
-    report, focus = image.report, focus_figure(image.samples)
-    warnings = [*source.warnings, *report.warnings]
-    if isinstance(measured, str):
-        warnings.append(f'the error could not be measured: {measured}')
-    elif measured.error_db > report.target_db:
-        warnings.append(f'the error measured, {measured.error_db:.1f} dB, misses the wanted '
-                        f'{report.target_db:g} dB')
+    source, choice, image = formed.source, formed.choice, formed.image
+    quality, report, focus = formed.figures(), image.report, focus_figure(image.samples)
+    warnings = quality['warnings']
     if source.missing:
         warnings.append(f'{source.missing} pulses are missing between the first and the last')
     if focus.at_noise_level:
         warnings.append('nothing in the image stands out from noise: are place and height of the '
                         'scene right? sar-imaging doctor looks for other mistakes')
-    return {
-        'file': str(source.path), 'format': source.kind, 'pulses': source.n_pulses,
-        'pulses_missing': source.missing, 'channels': source.n_channels,
-        'plane': choice.plane, 'shape': list(image.shape), 'spacing_m': choice.spacing_m,
-        'grid': {'type': type(choice.grid).__name__, **dataclasses.asdict(choice.grid)},
-        'window': source.window, 'chosen': list(choice.reasons),
+    return quality | {
+        'format': source.kind, 'pulses_missing': source.missing, 'plane': choice.plane,
+        'spacing_m': choice.spacing_m, 'window': source.window,
         'resolution_m': {'range': choice.range_resolution_m,
                          'azimuth': choice.azimuth_resolution_m},
         'datum': None if source.datum is None else dataclasses.asdict(source.datum),
-        'method': report.method, 'reason': report.reason, 'target_db': report.target_db,
-        'predicted_error_db': report.predicted_error_db, 'errors_db': dict(report.errors_db),
-        'measured_error': None if isinstance(measured, str) else {
-            name: _finite(value) for name, value in dataclasses.asdict(measured).items()},
-        'seconds': round(seconds, 3),
+        'reason': report.reason, 'errors_db': dict(report.errors_db),
         'focus': {'peak_over_median_db': round(focus.peak_over_median_db, 2),
                   'entropy': round(focus.entropy, 4), 'contrast': round(focus.contrast, 4),
                   'at_noise_level': focus.at_noise_level},
-        'scatterers': _scatterers(source, choice, image), 'warnings': warnings}
+        'scatterers': _scatterers(source, choice, image)}
 
 
 def _scatterers(source: PulseSource, choice: GridChoice, image: Image) -> list[dict]:
@@ -215,10 +194,6 @@ def _scatterers(source: PulseSource, choice: GridChoice, image: Image) -> list[d
         cut_half_width_azimuth_m=azimuth_m, name=s['name'],
         neighbours_m=[o['position_m'] for o in source.scatterers if o is not s]).as_json()
         for s in source.scatterers]
-
-
-def _finite(value):
-    return value if not isinstance(value, float) or math.isfinite(value) else None
 
 
 def _errors(quality: dict) -> str:

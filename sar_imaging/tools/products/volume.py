@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
-import sys
 
 import numpy as np
 
@@ -14,8 +13,7 @@ from sar_imaging.exploitation.bright_cells import LEVELS, BrightCells, bright_ce
 from sar_imaging.files import filling, write_json
 from sar_imaging.formats import write_ply
 from sar_imaging.geometry.grids import VolumeGrid
-from sar_imaging.imaging.image import Image, error_in_words
-from sar_imaging.quality.verification import Verification
+from sar_imaging.imaging.image import error_in_words
 from sar_imaging.radiometry import RadarConstant
 from sar_imaging.radiometry.scale import RCS
 
@@ -50,22 +48,15 @@ def run(arguments: argparse.Namespace, source: PulseSource) -> str:
     ValueError, MemoryError
         As `plan_image`; the volume does not fit.
     """
-    n_bytes = memory_bytes(arguments)
     constant = _constant(arguments)
-    choice = choose(source, arguments, n_bytes)
-    for reason in choice.reasons:
-        print(reason, file=sys.stderr)
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    image, seconds = forming.form(source, choice, arguments.target_db, n_bytes)
-    measured = forming.verify(source, image, n_bytes)
-    calibration = {}
+    choice = choose(source, arguments, memory_bytes(arguments))
+    formed = forming.form_and_verify(source, choice, arguments)
+    image, measured, calibration = formed.image, formed.measured, {}
     if constant is not None:
         image, calibration = brightness.calibrate_volume(source, image, constant)
     cells = bright_cells(image.samples, image.grid, threshold_db=arguments.threshold,
                          most=arguments.points)
-    radar = source.radar
-    quality = describe(source, choice, image, seconds, measured, cells, arguments.threshold)
-    quality |= calibration
+    quality = describe(formed, cells, arguments.threshold) | calibration
     with filling(arguments.output) as folder:
         np.save(folder / 'volume.npy', image.samples)
         write_ply(folder / 'cloud.ply', cells.points_m,
@@ -74,13 +65,12 @@ def run(arguments: argparse.Namespace, source: PulseSource) -> str:
         save_volume_png(
             folder / 'volume.png', image.samples, image.grid, cells,
             threshold_db=arguments.threshold, truth=source.scatterers,
-            title=f'{source.path.name}: {source.n_pulses} pulses, '
-                  f'{radar.carrier_hz / 1e9:.4g} GHz, {radar.bandwidth_hz / 1e6:.4g} MHz')
+            title=forming.title_of(source))
         write_json(folder / 'quality.json', quality)
     n_z, n_y, n_x = image.shape
     error = 'not measured' if isinstance(measured, str) else f'{measured.error_db:.1f} dB measured'
     return '\n'.join([
-        f'{n_x} by {n_y} by {n_z} cells in {seconds:.1f} s by {image.report.method}',
+        f'{n_x} by {n_y} by {n_z} cells in {formed.seconds:.1f} s by {image.report.method}',
         f'{error_in_words(image.report.predicted_error_db)}, {error}, '
         f'{arguments.target_db:g} dB wanted',
         f'{len(cells.points_m)} points, {cells.n_above} cells are {arguments.threshold:g} dB or '
@@ -134,29 +124,14 @@ def choose(source: PulseSource, arguments: argparse.Namespace, n_bytes: float) -
         '--height-step change it)'))
 
 
-def describe(source: PulseSource, choice: GridChoice, image: Image, seconds: float,
-             measured: Verification | str, cells: BrightCells, threshold_db: float) -> dict:
+def describe(formed: forming.Formed, cells: BrightCells, threshold_db: float) -> dict:
     """Contents of quality.json."""
-    report, warnings = image.report, [*source.warnings, *image.report.warnings]
-    if isinstance(measured, str):
-        warnings.append(f'the error could not be measured: {measured}')
-    elif measured.error_db > report.target_db:
-        warnings.append(f'the error measured, {measured.error_db:.1f} dB, misses the wanted '
-                        f'{report.target_db:g} dB')
-    if not len(cells.points_m):
-        warnings.append(f'nothing is {threshold_db:g} dB above the median: are place and height '
-                        'of the scene right? --threshold changes it')
-    return {
-        'file': str(source.path), 'pulses': source.n_pulses, 'channels': source.n_channels,
-        'shape': list(image.shape), 'grid': {'type': 'VolumeGrid',
-                                             **dataclasses.asdict(image.grid)},
-        'chosen': list(choice.reasons), 'method': report.method, 'target_db': report.target_db,
-        'predicted_error_db': report.predicted_error_db,
-        'measured_error': None if isinstance(measured, str) else {
-            name: value if math.isfinite(value) else None
-            for name, value in dataclasses.asdict(measured).items()},
-        'seconds': round(seconds, 3), 'threshold_db': threshold_db,
-        'points': len(cells.points_m), 'cells_above_threshold': cells.n_above,
-        'brightest_db': round(float(cells.intensity_db[0]), 2) if len(cells.points_m) else None,
-        'brightest_m': cells.points_m[0].tolist() if len(cells.points_m) else None,
-        'warnings': warnings}
+    quality, found = formed.figures(), len(cells.points_m)
+    if not found:
+        quality['warnings'].append(
+            f'nothing is {threshold_db:g} dB above the median: are place and height of the scene '
+            'right? --threshold changes it')
+    return quality | {
+        'threshold_db': threshold_db, 'points': found, 'cells_above_threshold': cells.n_above,
+        'brightest_db': round(float(cells.intensity_db[0]), 2) if found else None,
+        'brightest_m': cells.points_m[0].tolist() if found else None}
