@@ -9,7 +9,7 @@ import numpy as np
 
 from ..geometry.illumination import Antenna, Mount, Pointing
 from ..signal.pulses import PulseBlock
-from .description import DescriptionError, Section
+from .description import Section, of_part
 
 OUTWARD = 'outward'  # along the arm of positions.arc
 _FIELDS = tuple(f.name for f in dataclasses.fields(Antenna))
@@ -26,7 +26,7 @@ def read_antenna(section: Section) -> tuple[Antenna, Mount | str]:
     DescriptionError
         One of them is missing or makes no sense.
     """
-    try:
+    with of_part('antenna'):
         antenna = Antenna.from_dict({name: section.raw(name) for name in _FIELDS
                                      if name in section})
         pointing = section.raw('pointing', meaning=f'{OUTWARD}, or a kind, one of '
@@ -36,10 +36,6 @@ def read_antenna(section: Section) -> tuple[Antenna, Mount | str]:
             if lacking and lacking not in pointing:
                 raise section.error('pointing', f'{lacking} of the kind {pointing["kind"]}')
         mount = pointing if pointing == OUTWARD else Mount.from_dict(pointing)
-    except DescriptionError:
-        raise
-    except ValueError as error:
-        raise DescriptionError(f'antenna: {error}') from error
     return antenna, mount
 
 
@@ -64,15 +60,11 @@ def with_pointing(block: PulseBlock, mount: Mount | str, section: Section,
         The pointing does not follow from the positions.
     """
     centre = block.phase_centre_m
-    try:
+    with of_part('antenna.pointing'):
         if mount != OUTWARD:
             pointing = mount.pointing(block.stamp_ns, centre)
         elif arc_centre_m is None:
             raise section.error('pointing', f'{OUTWARD} with positions on an arc alone')
         else:
             pointing = Pointing(centre - arc_centre_m())
-    except DescriptionError:
-        raise
-    except ValueError as error:
-        raise DescriptionError(f'antenna.pointing: {error}') from error
     return dataclasses.replace(block, pointing=pointing)

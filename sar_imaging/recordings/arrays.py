@@ -29,7 +29,14 @@ from . import (
     virtual_array,
 )
 from .data_files import DataFiles, find_files
-from .description import SECTIONS, DescriptionError, Section, find_description, read_description
+from .description import (
+    SECTIONS,
+    DescriptionError,
+    Section,
+    find_description,
+    of_part,
+    read_description,
+)
 from .driver_bags import read_bag_frames
 from .frames import ALIGNMENT_KEYS, FrameConverter, FrameError, convert_all
 from .poses import poses_around, read_poses, told_of_poses
@@ -378,8 +385,6 @@ def _at_own_times(pulses: PulseBlock, poses: PoseTable, alignment: Alignment,
     for first in range(0, pulses.n_pulses, _LOCATED):
         part = pulses.select(slice(first, first + _LOCATED))
         near = poses_around(poses, part, alignment)
-        try:
+        with of_part('poses'):
             parts.append(locate_channels(part, near, alignment, array.schedule))
-        except ValueError as error:
-            raise DescriptionError(f'poses: {error}') from error
     return concatenate(parts)

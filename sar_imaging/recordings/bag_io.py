@@ -9,11 +9,13 @@ The same blocks always give the same bytes.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import functools
 import heapq
 import json
+import operator
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -28,13 +30,20 @@ from ..signal.pulses import PulseBlock
 from .bag_files import add_checksums, check_bag, checked
 from .truth import TRUTH_VERSION, check_truth
 
-ODOMETRY_TOPIC = '/odometry'
-ODOMETRY_TYPE = 'nav_msgs/msg/Odometry'
+TOPIC, ODOMETRY_TOPIC = '/pulses', '/odometry'
+MESSAGE_TYPE, ODOMETRY_TYPE = 'std_msgs/msg/Float32MultiArray', 'nav_msgs/msg/Odometry'
+TRUTH_KEY = 'sar_imaging.truth'
+_BAG_ENDINGS = ('.mcap', '.mcap.zstd', '.db3', '.db3.zstd', '.db3-shm', '.db3-wal')
+POSE_TYPES = {  # place of position and orientation in a message
+    ODOMETRY_TYPE: 'pose.pose',
+    'geometry_msgs/msg/PoseStamped': 'pose',
+    'geometry_msgs/msg/PoseWithCovarianceStamped': 'pose.pose',
+    'geometry_msgs/msg/TransformStamped': 'transform'}
 
 
-def odometry_messages(poses: PoseTable, store) -> Iterator[tuple[int, bytes]]:
-    """Time and CDR bytes of each message; `store` is a type store of rosbags."""
-    types = store.types
+def odometry_messages(poses: PoseTable) -> Iterator[tuple[int, bytes]]:
+    """Time and CDR bytes of each message."""
+    types = message_types().types
     odometry, header = types[ODOMETRY_TYPE], types['std_msgs/msg/Header']
     time, point = types['builtin_interfaces/msg/Time'], types['geometry_msgs/msg/Point']
     rotation = types['geometry_msgs/msg/Quaternion']
@@ -55,26 +64,22 @@ def odometry_messages(poses: PoseTable, store) -> Iterator[tuple[int, bytes]]:
                           orientation=rotation(**dict(zip('xyzw', turn, strict=True)))),
                 covariance=unknown),
             twist=twist)
-        yield stamp, bytes(store.serialize_cdr(message, ODOMETRY_TYPE))
+        yield stamp, bytes(message_types().serialize_cdr(message, ODOMETRY_TYPE))
 
 
-def poses_of_messages(store, messages: Sequence[bytes]) -> PoseTable | None:
-    """Poses of serialised messages, in their order; None of none."""
-    if not messages:
-        return None
-    read = [store.deserialize_cdr(cdr, ODOMETRY_TYPE) for cdr in messages]
-    stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in read]
-    poses = [m.pose.pose for m in read]
-    return PoseTable(np.array(stamps, np.int64),
-                     np.array([[getattr(p.position, a) for a in 'xyz'] for p in poses]),
-                     np.array([[getattr(p.orientation, a) for a in 'xyzw'] for p in poses]),
-                     read[0].header.frame_id, read[0].child_frame_id)
-
-
-TOPIC = '/pulses'
-MESSAGE_TYPE = 'std_msgs/msg/Float32MultiArray'
-TRUTH_KEY = 'sar_imaging.truth'
-_BAG_ENDINGS = ('.mcap', '.mcap.zstd', '.db3', '.db3.zstd', '.db3-shm', '.db3-wal')
+def pose_table(messages: Iterable[tuple[object, str]]) -> PoseTable:
+    """Poses of messages and their types, one of `POSE_TYPES`, in their order."""
+    stamp, position, quaternion = [], [], []
+    for message, kind in messages:
+        pose = operator.attrgetter(POSE_TYPES[kind])(message)
+        place = getattr(pose, 'position', None) or pose.translation
+        turn = getattr(pose, 'orientation', None) or pose.rotation
+        at = message.header.stamp
+        stamp.append(at.sec * 10**9 + at.nanosec)
+        position.append([place.x, place.y, place.z])
+        quaternion.append([turn.x, turn.y, turn.z, turn.w])
+    return PoseTable(np.array(stamp, np.int64), np.array(position, float).reshape(-1, 3),
+                     np.array(quaternion, float).reshape(-1, 4))
 
 
 class BagError(RuntimeError):
@@ -103,8 +108,8 @@ def _rosbag2():
 
 
 @functools.cache
-def _store():
-    """Message types of ROS 2 Jazzy."""
+def message_types():
+    """Message types of ROS 2 Jazzy, a type store of rosbags."""
     _rosbag2()  # tells where it is missing
     from rosbags.typesys import Stores, get_typestore
 
@@ -114,18 +119,18 @@ def _store():
 def serialise(block: PulseBlock) -> bytes:
     """CDR bytes of the message that carries `block`, as a publisher would send them."""
     data, dims, offset = to_array(block)
-    types = _store().types
+    types = message_types().types
     layout = types['std_msgs/msg/MultiArrayLayout'](
         dim=[types['std_msgs/msg/MultiArrayDimension'](label=label, size=size, stride=stride)
              for label, size, stride in dims],
         data_offset=offset)
-    return bytes(_store().serialize_cdr(types[MESSAGE_TYPE](layout=layout, data=data),
+    return bytes(message_types().serialize_cdr(types[MESSAGE_TYPE](layout=layout, data=data),
                                       MESSAGE_TYPE))
 
 
 def deserialise(cdr: bytes) -> PulseBlock:
     """Pulse block of a message's CDR bytes; raises `WireFormatError` when it holds none."""
-    message = _store().deserialize_cdr(cdr, MESSAGE_TYPE)
+    message = message_types().deserialize_cdr(cdr, MESSAGE_TYPE)
     dims = [(d.label, d.size, d.stride) for d in message.layout.dim]
     return from_array(message.data, dims, message.layout.data_offset)
 
@@ -200,13 +205,14 @@ def _write(path: Path, blocks: Iterable[PulseBlock], truth: dict,
     rosbag2 = _rosbag2()
     with rosbag2.Writer(path, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
         writer.set_custom_data(TRUTH_KEY, json.dumps(truth, sort_keys=True))
-        pulses = writer.add_connection(TOPIC, MESSAGE_TYPE, typestore=_store())
+        pulses = writer.add_connection(TOPIC, MESSAGE_TYPE, typestore=message_types())
         late_ns = round(truth.get('alignment', {}).get('time_offset_s', 0.0) * 1e9)
         streams = [((int(b.stamp_ns[-1]) + late_ns, pulses, serialise(b)) for b in blocks)]
         if poses is not None:
-            odometry = writer.add_connection(ODOMETRY_TOPIC, ODOMETRY_TYPE, typestore=_store())
+            odometry = writer.add_connection(ODOMETRY_TOPIC, ODOMETRY_TYPE,
+                                             typestore=message_types())
             streams.append((time_ns, odometry, cdr)
-                           for time_ns, cdr in odometry_messages(poses, _store()))
+                           for time_ns, cdr in odometry_messages(poses))
         count = 0
         for time_ns, connection, cdr in heapq.merge(*streams, key=lambda message: message[0]):
             writer.write(connection, time_ns, cdr)
@@ -215,14 +221,22 @@ def _write(path: Path, blocks: Iterable[PulseBlock], truth: dict,
 
 
 @contextlib.contextmanager
+def reading_bag(path: Path, trouble: str,
+                reader: Callable[[Path], contextlib.AbstractContextManager]) -> Iterator:
+    """Reader of a bag that was looked through before, opened; what fails is a `BagError`."""
+    with naming(path, trouble, BagError):
+        check_bag(path)
+        with reader(path) as opened:
+            yield opened
+
+
+@contextlib.contextmanager
 def _opened(path: Path | str) -> Iterator:
     path, rosbag2 = Path(path), _rosbag2()
     if not (path / 'metadata.yaml').is_file():
         raise BagError(f'{path} is not a rosbag2 recording: it has no metadata.yaml')
-    with naming(path, 'cannot be read', BagError):
-        check_bag(path)
-        with rosbag2.Reader(path) as reader:
-            yield reader
+    with reading_bag(path, 'cannot be read', rosbag2.Reader) as reader:
+        yield reader
 
 
 def raw_messages(path: Path | str, start_ns: int | None = None, stop_ns: int | None = None
@@ -279,7 +293,10 @@ def read_poses(path: Path | str) -> PoseTable | None:
     >>> read_poses('bags/psf') is None  # its pulses have phase centres
     True
     """
-    return poses_of_messages(_store(), [cdr for _, cdr in pose_messages(path)])
+    read = [message_types().deserialize_cdr(cdr, ODOMETRY_TYPE) for _, cdr in pose_messages(path)]
+    return dataclasses.replace(
+        pose_table((message, ODOMETRY_TYPE) for message in read),
+        frame_id=read[0].header.frame_id, child_frame_id=read[0].child_frame_id) if read else None
 
 
 def _messages(path: Path | str, topic: str, message_type: str, start_ns: int | None = None,

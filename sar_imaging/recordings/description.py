@@ -5,10 +5,11 @@ Every number may be given as the name of a variable of the data file instead.
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import dataclasses
 import importlib.resources
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -180,6 +181,17 @@ class Section:
         value = self._value.below(key)
         return Section(value if key in self else dataclasses.replace(value, content={}), known,
                        self._variable)
+
+
+@contextlib.contextmanager
+def of_part(name: str) -> Iterator[None]:
+    """Within, what is wrong with values is told as a `DescriptionError` of a part."""
+    try:
+        yield
+    except DescriptionError:
+        raise
+    except (TypeError, ValueError) as error:
+        raise DescriptionError(f'{name}: {error}') from error
 
 
 def _number(text: str) -> float | None:

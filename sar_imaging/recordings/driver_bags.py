@@ -6,23 +6,16 @@ import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
 from tqdm import tqdm
 
 from msg_conversions.radar_frames import FRAME_TYPES, INFO_TYPES, read_frame, read_info, short_name
 
-from ..files import naming
 from ..geometry.poses import PoseTable
 from ..names import advice_on
-from .bag_files import check_bag, checked
-from .bag_io import BagError
+from .bag_files import checked
+from .bag_io import POSE_TYPES, BagError, message_types, pose_table, reading_bag
 from .description import DescriptionError
 from .frames import FrameError
-
-_PATHS = {  # place of position and orientation in a message
-    'nav_msgs/msg/Odometry': 'pose.pose', 'geometry_msgs/msg/PoseStamped': 'pose',
-    'geometry_msgs/msg/PoseWithCovarianceStamped': 'pose.pose',
-    'geometry_msgs/msg/TransformStamped': 'transform'}
 
 
 @contextlib.contextmanager
@@ -34,22 +27,17 @@ def open_bag(path: Path) -> Iterator:
     BagError
         It cannot be read, or rosbags is not installed.
     """
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ModuleNotFoundError as error:
-        raise BagError('bags need the Python package rosbags, which is not installed: pip '
-                       'install "rosbags>=0.11.7,<0.12"') from error
+    # Definitions in the recording go before; old ones have none, and then Jazzy's count.
+    default = message_types()  # tells where rosbags is missing
+    from rosbags.highlevel import AnyReader
+
     path = Path(path)
     if not path.exists():
         raise BagError(f'{path} does not exist; expected a ROS 1 bag or the folder of a ROS 2 bag')
-    with naming(path, 'cannot be read as a whole ROS 1 bag, .mcap file or folder of a ROS 2 bag '
-                '(`ros2 bag reindex` and `mcap recover` mend one whose recorder was killed)',
-                BagError):
-        check_bag(path)
-        # Definitions in the recording go before; old ones have none, and then Jazzy's count.
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
-            yield bag
+    with reading_bag(path, 'cannot be read as a whole ROS 1 bag, .mcap file or folder of a ROS 2 '
+                     'bag (`ros2 bag reindex` and `mcap recover` mend one whose recorder was '
+                     'killed)', lambda path: AnyReader([path], default_typestore=default)) as bag:
+        yield bag
 
 
 def read_bag_poses(path: Path, topic: str | None = None) -> PoseTable:
@@ -72,27 +60,15 @@ def read_bag_poses(path: Path, topic: str | None = None) -> PoseTable:
     """
     with open_bag(path) as bag:
         fit = [c for c in bag.connections
-               if c.msgtype in _PATHS and (topic is None or c.topic == topic)]
+               if c.msgtype in POSE_TYPES and (topic is None or c.topic == topic)]
         if len({c.topic for c in fit}) != 1:
             present = ', '.join(sorted(f'{c.topic} ({c.msgtype})' for c in bag.connections))
             raise DescriptionError(
                 f'{Path(path).name}: expected {"one topic" if topic is None else topic} with '
-                f'poses ({", ".join(_PATHS)}); it has {present or "no topic"}: name one in '
+                f'poses ({", ".join(POSE_TYPES)}); it has {present or "no topic"}: name one in '
                 'poses.topic')
-        stamp, position, quaternion = [], [], []
-        for connection, _, raw in checked(bag.messages(connections=fit)):
-            message = bag.deserialize(raw, connection.msgtype)
-            pose = message
-            for name in _PATHS[connection.msgtype].split('.'):
-                pose = getattr(pose, name)
-            place = getattr(pose, 'position', None) or pose.translation
-            turn = getattr(pose, 'orientation', None) or pose.rotation
-            at = message.header.stamp
-            stamp.append(at.sec * 10**9 + at.nanosec)
-            position.append([place.x, place.y, place.z])
-            quaternion.append([turn.x, turn.y, turn.z, turn.w])
-    return PoseTable(np.array(stamp, np.int64), np.array(position, float).reshape(-1, 3),
-                     np.array(quaternion, float).reshape(-1, 4))
+        return pose_table((bag.deserialize(raw, connection.msgtype), connection.msgtype)
+                          for connection, _, raw in checked(bag.messages(connections=fit)))
 
 
 def read_bag_frames(path: Path, topic: str, sizes: Mapping[str, int],

@@ -18,7 +18,7 @@ from ..geometry.poses import PoseTable
 from ..numpy_files import check_memory
 from ..signal.pulses import PulseBlock
 from .data_files import DataFiles, numbers, read_table
-from .description import DescriptionError, Section
+from .description import DescriptionError, Section, of_part
 from .driver_bags import read_bag_poses
 from .positions import FRAMES, TO_Z_UP, read_unit
 from .times import to_nanoseconds
@@ -106,10 +106,8 @@ def _level(n: int) -> np.ndarray:
 
 def _stamps(section: Section, values: np.ndarray) -> np.ndarray:
     """(N,) int64 nanoseconds of stored times."""
-    try:
+    with of_part('poses'):
         return to_nanoseconds(values, section.number('unit_s', 1.0))
-    except DescriptionError as error:
-        raise DescriptionError(f'poses: {error}') from error
 
 
 def _arrays(section: Section, data: DataFiles) -> PoseTable:

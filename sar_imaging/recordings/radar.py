@@ -9,7 +9,7 @@ import numpy as np
 
 from ..signal.dechirp import fmcw_parameters
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
-from .description import DescriptionError, Section
+from .description import DescriptionError, Section, of_part
 
 _COMMON = ('waveform', 'propagation_speed_m_per_s')
 _START = ('first_sample_delay_s', 'range_start_m')
@@ -49,17 +49,13 @@ def read_radar(section: Section, n_samples: int) -> tuple[RadarParameters, bool]
                                 f'it has {", ".join(_KEYS[kind])}')
     read = {'lfm': _lfm, 'passband': _passband, 'fmcw': _fmcw, 'fmcw_real': _fmcw,
             'stepped_frequency': _stepped}[kind]
-    try:
+    with of_part('radar'):
         radar, compressed = read(section, n_samples, section.number(
             'propagation_speed_m_per_s', SPEED_OF_LIGHT))
         if radar.bandwidth_hz > 2 * radar.carrier_hz:
             raise ValueError(f'a band of {radar.bandwidth_hz:g} Hz around {radar.carrier_hz:g} Hz '
                              'reaches below zero; expected at most twice the carrier')
         return radar, compressed
-    except DescriptionError:
-        raise
-    except ValueError as error:
-        raise DescriptionError(f'radar: {error}') from error
 
 
 def _either(section: Section, keys, default: float | None = None) -> tuple[str, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from ..geometry.earth import Datum
 from ..geometry.grids import MapGrid
 from ..signal.windows import parse_window
-from .description import DescriptionError, Section
+from .description import Section, of_part
 
 KEYS = ('centre_m', 'size_m', 'spacing_m', 'scatterers', 'cut_m', 'window', 'frame', 'datum',
         'pulses_per_aperture')
@@ -58,17 +58,13 @@ def read_scene(section: Section) -> Scene:
         It has neither a grid nor scatterers, or one of them makes no sense.
     """
     scatterers = _scatterers(section)
-    try:
+    with of_part('scene'):
         grid = _grid(section, np.array([s['position_m'] for s in scatterers]).reshape(-1, 3))
         datum = None
         if 'datum' in section:
             names = [field.name for field in dataclasses.fields(Datum)]
             given = section.section('datum', names)
             datum = Datum(**{name: given.number(name) for name in names if name in given})
-    except (ValueError, TypeError) as error:
-        if isinstance(error, DescriptionError):
-            raise
-        raise DescriptionError(f'scene: {error}') from error
     try:
         parse_window(section.text('window', 'none'))
     except ValueError as error:

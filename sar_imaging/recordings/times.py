@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .description import DescriptionError, Section
+from .description import DescriptionError, Section, of_part
 
 KEYS = ('file', 'variable', 'first_s', 'interval_s', 'unit_s', 'use_s', 'counter')
 OF_FILES = ('file', 'variable', 'first_s', 'interval_s', 'unit_s', 'counter')
@@ -26,13 +26,13 @@ def to_nanoseconds(values: np.ndarray, unit_s: float = 1.0) -> np.ndarray:
 
     Raises
     ------
-    DescriptionError
+    ValueError
         They are not finite, or later than int64 nanoseconds can be.
     """
     values = np.asarray(values)
     latest_s = float(np.abs(values.astype(np.float64)).max(initial=0.0)) * unit_s
     if not latest_s <= _LATEST_S:  # NaN, too
-        raise DescriptionError(
+        raise ValueError(
             f'a time of {latest_s:.6g} s; expected finite seconds, since 1970 or since a start: '
             'give the unit of the times as unit_s, such as 1.0e-9 for nanoseconds')
     factor = unit_s * 1e9
@@ -77,7 +77,7 @@ def read_times(section: Section, n_pulses: int, variable) -> tuple[np.ndarray, n
     if 'variable' in section:
         try:
             time_ns = to_nanoseconds(variable(section.text('variable')).reshape(-1), unit_s)
-        except DescriptionError as error:
+        except ValueError as error:  # a file without the variable, too
             raise DescriptionError(f'times: {error}') from error
         if time_ns.size != n_pulses:
             raise section.error('variable', f'one time for each of {n_pulses} pulses',
@@ -90,7 +90,8 @@ def read_times(section: Section, n_pulses: int, variable) -> tuple[np.ndarray, n
         if interval_s <= 0:
             raise section.error('interval_s', 'seconds from pulse to pulse')
         first_s = section.number('first_s', 0.0)
-        to_nanoseconds([first_s, first_s + interval_s * n_pulses])  # refuses what is too late
+        with of_part('times'):  # refuses what is too late
+            to_nanoseconds([first_s, first_s + interval_s * n_pulses])
         # The first one apart: seconds since 1970 would round the steps to 0.2 microseconds.
         time_ns = (round(first_s * 1e9)
                    + np.rint(np.arange(n_pulses) * (interval_s * 1e9)).astype(np.int64))

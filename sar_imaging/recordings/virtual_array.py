@@ -8,7 +8,7 @@ import numpy as np
 
 from ..signal.calibration import ChannelCalibration
 from ..signal.tdm import TdmSchedule
-from .description import DescriptionError, Section
+from .description import DescriptionError, Section, of_part
 
 _WIDEST = 300  # wavelengths between the antennas of a radar, more than a metre at 77 GHz
 KEYS = ('tx_m', 'rx_m', 'turn_interval_s', 'turn_order')
@@ -90,11 +90,9 @@ def calibration_weights(path, n_channels: int, *, real_samples: bool) -> np.ndar
     DescriptionError
         The file is for other channels or tells what raw samples cannot be rid of.
     """
-    try:
+    with of_part('calibration'):
         calibration = ChannelCalibration.load(path)
         calibration.check_channels(n_channels)
-    except ValueError as error:
-        raise DescriptionError(f'calibration: {error}') from error
     if calibration.delay_s.any() or (real_samples and calibration.phase_rad.any()):
         raise DescriptionError(
             f'calibration: {path} has delays, or phases for real samples, which can only be '

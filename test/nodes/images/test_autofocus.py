@@ -25,7 +25,6 @@ from sar_imaging.nodes.runtime.parameters import ConfigurationError
 from sar_imaging.nodes.runtime.stage import COMMON_PARAMETERS
 from sar_imaging.nodes.sar_pipeline import SarPipelineNode
 from sar_imaging.quality import contrast, error_db
-from sar_imaging.recordings import bag_io
 from sar_imaging.recordings.bag_io import odometry_messages, split
 from sar_imaging.signal.positioning import locate
 from sar_imaging.signal.pulses import concatenate
@@ -203,7 +202,7 @@ def test_a_clock_that_is_a_second_wrong_is_found_with_poses_from_odometry(make_c
         publisher = node.create_publisher(Odometry, 'odometry', 2000)
         # two subscribers: pulse_buffer's positions and backprojection's autofocus
         chain.observer.wait(lambda p=publisher: p.get_subscription_count() == 2, 'subscribers')
-        for _, cdr in odometry_messages(poses, bag_io._store()):
+        for _, cdr in odometry_messages(poses):
             publisher.publish(cdr)
         chain.wait_for_log(chain.names[-1], 'poses in frame map')
         chain.observer.send(list(split(flight.block)))
