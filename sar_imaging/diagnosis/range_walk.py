@@ -14,8 +14,9 @@ import dataclasses
 import math
 
 import numpy as np
-from scipy import fft, stats
+from scipy import fft
 from scipy.spatial import cKDTree
+from scipy.special import stdtrit
 
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
@@ -53,7 +54,7 @@ class WalkScale:
         """Whether enough scatterers tell that the scale is not 1, by Student's distribution."""
         if self.n_scatterers < max(n_least, 2):
             return False
-        limit = stats.t.ppf((1 + confidence) / 2, self.n_scatterers - 1)
+        limit = stdtrit(self.n_scatterers - 1, (1 + confidence) / 2)
         return abs(self.scale - 1) > max(least, limit * self.deviation)
 
 
