@@ -96,6 +96,24 @@ def kept_bytecode():
         yield
 
 
+@pytest.fixture(scope='session')
+def fork_server(tmp_path_factory):
+    """Starts nodes and `evaluate` from a process that has loaded their libraries."""
+    pytest.importorskip('rclpy', reason='rclpy comes as wheels for Linux on x86-64 only')
+    from .fork_server import running
+
+    with running(tmp_path_factory.mktemp('forks')) as forks:
+        yield forks
+
+
+@pytest.fixture(scope='module')
+def forked_nodes(fork_server):
+    """The nodes of `NodeProcesses` are started so."""
+    with pytest.MonkeyPatch.context() as patch:
+        fork_server.take_over(patch.setattr)
+        yield
+
+
 @pytest.fixture(scope='session', params=['psf', 'spotlight'])
 def any_recording(request):
     return Recording(request.param)

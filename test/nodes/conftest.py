@@ -54,6 +54,11 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.nodes)
 
 
+@pytest.fixture(scope='module', autouse=True)
+def _nodes_are_forked(forked_nodes):
+    """Nodes take a tenth of a second to start."""
+
+
 @pytest.fixture(scope='session')
 def ros_environment(tmp_path_factory):
     """Environment of this process and its children: one free domain for all tests here."""

@@ -46,11 +46,17 @@ KEYS = ['scatterers', 'pulses_received', 'pulses_missing', 'blocks_rejected',
 nodes = pytest.mark.nodes
 
 
-def evaluate(*arguments, environment=None):
-    """Run the program as a user does."""
-    return subprocess.run(
-        [sys.executable, '-m', 'sar_imaging.tools.evaluate', *map(str, arguments)],
-        cwd=ROOT, env=environment, text=True, capture_output=True, timeout=300)
+@pytest.fixture(name='evaluate', scope='module')
+def evaluate_fixture(fork_server, tmp_path_factory):
+    """Run the program as a user does, in a process of its own with nodes of its own."""
+    folder = tmp_path_factory.mktemp('outputs')
+
+    def evaluate(*arguments, environment=None):
+        return fork_server.run(
+            [sys.executable, '-m', 'sar_imaging.tools.evaluate', *map(str, arguments)], folder,
+            cwd=ROOT, env=os.environ if environment is None else environment, timeout=300)
+
+    return evaluate
 
 
 def quality_of(folder):
@@ -85,7 +91,7 @@ MISTAKES = {
 
 
 @pytest.fixture(scope='module')
-def runs(tmp_path_factory):
+def runs(evaluate, tmp_path_factory):
     """Output folder and process of several evaluations, a few at a time: much of it is waiting."""
     folder = tmp_path_factory.mktemp('evaluate')
     few = [next(bag_io.read_blocks(PSF))]
@@ -189,7 +195,7 @@ def test_other_ways_to_the_image(run, runs, way, image_nodes, largest_error_db):
 
 
 @nodes
-def test_a_recording_with_a_datum_tells_where_peaks_are_on_the_earth(tmp_path):
+def test_a_recording_with_a_datum_tells_where_peaks_are_on_the_earth(evaluate, tmp_path):
     datum = Datum(-12.25, 45.5, 1300.0, heading_deg=77.0)
     truth = bag_io.read_truth(PSF) | {'datum': dataclasses.asdict(datum)}
     bag_io.write_bag(tmp_path / 'bag', bag_io.read_blocks(PSF), truth)
@@ -269,7 +275,8 @@ def test_the_demo_measures_its_reflectors_in_clutter_without_a_warning(runs):
 
 
 @nodes
-def test_nodes_in_a_namespace_are_used_twice_and_a_different_grid_is_told(tmp_path):
+@pytest.mark.usefixtures('forked_nodes')
+def test_nodes_in_a_namespace_are_used_twice_and_a_different_grid_is_told(evaluate, tmp_path):
     truth = bag_io.read_truth(PSF)
     truth['grid'] |= {'n_x': 41, 'n_y': 201, 'spacing_m': 0.2}
     environment = isolated_environment()
@@ -312,7 +319,7 @@ def test_nodes_cannot_be_launched_without_a_grid(tmp_path, capsys):
 @nodes
 @pytest.mark.data
 @pytest.mark.skipif(not GOTCHA.is_dir(), reason=f'{GOTCHA} is not there')
-def test_gotcha(tmp_path):
+def test_gotcha(evaluate, tmp_path):
     """Measured data: the brighter reflector of AFRL Gotcha, pass 1 HH."""
     assert load.main(['gotcha', str(GOTCHA), '--output', str(tmp_path / 'bag')]) == 0
     result = evaluate(tmp_path / 'bag', '--output', tmp_path, '--launch-nodes')
@@ -338,7 +345,7 @@ def test_no_image_is_an_error_with_the_state_of_the_nodes(runs):
 
 
 @nodes
-def test_absent_nodes_are_named(tmp_path):
+def test_absent_nodes_are_named(evaluate, tmp_path):
     result = evaluate(PSF, '--output', tmp_path, '--timeout', 0.5,
                       environment=isolated_environment())
     assert result.returncode == 1

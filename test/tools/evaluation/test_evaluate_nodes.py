@@ -4,7 +4,6 @@ import concurrent.futures
 import dataclasses
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -148,7 +147,7 @@ def bare(folder):
 
 
 @pytest.fixture(scope='module')
-def runs(tmp_path_factory):
+def runs(fork_server, tmp_path_factory):
     """Output folder and process of several evaluations, a few at a time."""
     folder = tmp_path_factory.mktemp('evaluate_nodes')
     above = car_above_its_scene(folder)
@@ -171,11 +170,11 @@ def runs(tmp_path_factory):
 
     def run(name, domain):
         bag, *options = commands[name]
-        return folder / f'out_{name}', subprocess.run(
+        return folder / f'out_{name}', fork_server.run(
             [sys.executable, '-m', 'sar_imaging.tools.evaluate', str(folder / bag), '--output',
              str(folder / f'out_{name}'), '--launch-nodes', '--timeout', '600', *options],
-            cwd=ROOT, env=os.environ | {'ROS_DOMAIN_ID': str(domain)}, text=True,
-            capture_output=True, timeout=300)  # half of the patience: it must not be waited out
+            folder, cwd=ROOT, env=os.environ | {'ROS_DOMAIN_ID': str(domain)},
+            timeout=300)  # half of the patience: it must not be waited out
 
     with concurrent.futures.ThreadPoolExecutor(2) as pool:
         return dict(zip(commands, pool.map(run, commands, domains), strict=True))
