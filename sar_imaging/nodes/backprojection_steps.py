@@ -14,7 +14,7 @@ from msg_conversions.subaperture_wire import as_received
 from ..backends import AUTO, compile_beforehand
 from ..configuration.startup import TrackWarnings, report_block, settings_of
 from ..exploitation.obstacles.aperture_view import PulseTracks
-from ..formats.acquisition import RecentPulses
+from ..formats.acquisition import Acquisition
 from ..geometry.grids import TerrainGrid
 from ..imaging.image import Image, Report, error_in_words
 from ..imaging.methods import AFBP, EXACT
@@ -50,6 +50,7 @@ from .images.obstacle_products import ObstacleProducts
 from .images.volume_cloud import VolumeCloud
 from .poses import pose_input
 from .poses.frame_datum import DatumInput
+from .poses.known_positions import REMEMBERED
 from .runtime.block_output import UNTAKEN, BlockOutput
 from .runtime.health import Cause, Health, Part
 from .runtime.managed import ManagedNode
@@ -104,9 +105,6 @@ PARAMETERS = (
     *obstacle_products.PARAMETERS,
     *volume_cloud.PARAMETERS,
 )
-
-
-_REMEMBERED = 4  # apertures whose phase centres are kept: images may wait for autofocus
 
 
 class BackprojectionStep(LiveStep):
@@ -230,9 +228,9 @@ class ImageStep(BackprojectionStep):
         except ValueError as error:
             raise ConfigurationError(f'parameters method and {PATTERN.name}: {error}') from error
         self._brightness = ImageBrightness(parameters, self._pattern, health)
-        self._tracks = PulseTracks(_REMEMBERED * parameters['pulses_per_aperture'])
         self._files = ImageFiles(parameters, self._datum)
-        self._pulses = RecentPulses(_REMEMBERED * parameters['pulses_per_aperture'])
+        self._pulses = (PulseTracks(REMEMBERED * parameters['pulses_per_aperture'])
+                        if self._positions is None else self._positions.pulses)
         self._obstacles: ObstacleProducts | None = None  # images on terrain have none
         compile_beforehand('Backprojection')  # the first image must not wait for it
         if parameters['method'] != EXACT:
@@ -257,10 +255,7 @@ class ImageStep(BackprojectionStep):
 
     def process(self, block: PulseBlock) -> list[ApertureImage]:
         """Add profiles to their aperture; see `BackprojectionStep`."""
-        if self._positions is not None:
-            self._positions.add(block)
-        self._tracks.add(block)
-        self._pulses.add(block)
+        (self._positions or self._pulses).add(block)
         return super().process(block)
 
     def collect(self) -> list[ApertureImage]:
@@ -323,13 +318,13 @@ class ImageStep(BackprojectionStep):
         image = self._brightness.calibrated(self._image(product), pulses)
         if image is not None:
             self._products.publish(image.samples, product.grid, product.stamp_ns)
-            self._files.keep(image, lambda: self._pulses.acquisition(counters, self._pattern),
+            self._files.keep(image, lambda: Acquisition.of(pulses(), antenna=self._pattern),
                              self._brightness.factors(image, pulses))
         if self._obstacles is not None:  # by the contrast to what is around: as it was formed
             lit = (None if self._pattern is None else
-                   lambda: self._tracks.lit(counters, product.grid, self._pattern))
+                   lambda: self._pulses.lit(counters, product.grid, self._pattern))
             self._obstacles.publish(product.image, product.grid, product.stamp_ns,
-                                    lambda: self._tracks.view(counters), lit)
+                                    lambda: self._pulses.view(counters), lit)
 
     def _image(self, product: ApertureImage) -> Image:
         """The image with all that files tell of it."""
@@ -337,7 +332,7 @@ class ImageStep(BackprojectionStep):
                 else TerrainGrid(product.grid, self._heights_m))
         report = Report(product.method, 'as configured', self.parameters['target_db'],
                         product.predicted_error_db)
-        return Image(product.image, grid, self._pulses.radar.carrier_hz, report,
+        return Image(product.image, grid, self._pulses.latest.radar.carrier_hz, report,
                      product.stamp_ns, product.counters.astype(np.int64))
 
     def follow(self, work: Callable[..., list], *arguments) -> list[ApertureImage]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import collections
 import time
 from collections.abc import Mapping
 
 from sar_imaging.autofocus.track import PhaseCentreTrack
+from sar_imaging.exploitation.obstacles.aperture_view import PulseTracks
 from sar_imaging.geometry.alignment import Alignment
 from sar_imaging.geometry.poses import PoseTrack, PoseVerdict
 from sar_imaging.signal.pulses import PulseBlock
@@ -18,7 +18,7 @@ from .pose_input import BLOCK, PoseInput, alignment_from, track_from
 
 _PAUSE_S = 3.0  # by the wall clock: nothing more is waited for
 _WAIT_PERIOD_S = 0.1
-_APERTURES = 2  # whose pulses are remembered
+REMEMBERED = 4  # apertures whose pulses are: images may wait for autofocus
 
 
 class KnownPositions:
@@ -37,6 +37,8 @@ class KnownPositions:
 
     Attributes
     ----------
+    pulses : PulseTracks
+        The history of pulses, for whoever else asks for it.
     awaited : bool
         Whether an image waits for more: the worker is then woken from time to time.
     """
@@ -51,8 +53,7 @@ class KnownPositions:
         if not self._of_pulses:
             self._input = PoseInput(parameters, health, self._pose_came, datum)
             self._poses = track_from(parameters)
-        self._blocks: collections.deque[PulseBlock] = collections.deque()
-        self._n_pulses = 0
+        self.pulses = PulseTracks(REMEMBERED * parameters['pulses_per_aperture'], 2 * reach_s)
         self._last_input_s = time.monotonic()
         self._asked_ns = None  # first time of the aperture that was asked for last
         self.awaited = False
@@ -79,21 +80,9 @@ class KnownPositions:
             self._input.activate(node)
 
     def add(self, block: PulseBlock) -> None:
-        """Remember the phase centres of pulses that came in the order of their times."""
+        """Remember where pulses were sent."""
         self._last_input_s = time.monotonic()
-        if not self._of_pulses or not block.n_pulses or not block.has_positions:
-            return
-        if self._blocks and (block.stamp_ns[0] <= self._blocks[-1].stamp_ns[-1]
-                             or block.n_channels != self._blocks[-1].n_channels):
-            self._blocks.clear()
-            self._n_pulses = 0
-        self._blocks.append(_without_samples(block))
-        self._n_pulses += block.n_pulses
-        wanted = _APERTURES * self._parameters['pulses_per_aperture']
-        oldest = block.stamp_ns[-1] - 2 * self._reach_ns
-        while (self._n_pulses - self._blocks[0].n_pulses > wanted
-               and self._blocks[0].stamp_ns[-1] < oldest):
-            self._n_pulses -= self._blocks.popleft().n_pulses
+        self.pulses.add(block)
 
     def suffices(self, pulses: PulseBlock) -> bool:
         """Whether the track reaches far enough behind pulses, or nothing more comes."""
@@ -104,7 +93,8 @@ class KnownPositions:
             return True
         end = int(pulses.stamp_ns[-1]) + self._reach_ns
         if self._of_pulses:
-            return bool(self._blocks) and int(self._blocks[-1].stamp_ns[-1]) >= end
+            latest = self.pulses.latest
+            return latest is not None and int(latest.stamp_ns[-1]) >= end
         span = self._poses.span_ns
         return span is not None and span[1] >= end + self._alignment.time_offset_ns
 
@@ -115,7 +105,8 @@ class KnownPositions:
         if not self._of_pulses:
             return PhaseCentreTrack.of_poses(self._poses, self._alignment, pulses.n_channels,
                                              span, self._parameters['antenna.offset_s'])
-        near = [b for b in self._blocks if b.stamp_ns[-1] >= span[0] and b.stamp_ns[0] <= span[1]]
+        near = [b for b in self.pulses.unbroken()
+                if b.stamp_ns[-1] >= span[0] and b.stamp_ns[0] <= span[1]]
         first = near[0].stamp_ns[0] if near else pulses.stamp_ns[-1]
         if first > pulses.stamp_ns[0]:
             near = [pulses]  # their time has been gone back to meanwhile
@@ -131,9 +122,3 @@ class KnownPositions:
 
     def _pose_came(self) -> None:
         """Poses wait until an image asks for them."""
-
-
-def _without_samples(block: PulseBlock) -> PulseBlock:
-    """The phase centres alone, copied: the samples need not be kept."""
-    return PulseBlock(block.radar, block.compressed, block.stamp_ns.copy(), block.counter.copy(),
-                      block.samples[..., :0].copy(), block.tx_m.copy(), block.rx_m.copy())
