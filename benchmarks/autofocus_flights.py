@@ -38,7 +38,7 @@ from benchmarks.support.drone_flights import MOTIONS, RADARS, DroneFlight, drone
 from sar_imaging.autofocus.models import Geometry
 from sar_imaging.autofocus.offset_search import BEYOND_S, visible_phase
 from sar_imaging.autofocus.track import PhaseCentreTrack
-from sar_imaging.nodes import backprojection_steps
+from sar_imaging.nodes import backprojection
 from sar_imaging.nodes.images.autofocus import ImageFocus
 from sar_imaging.nodes.runtime.stage import COMMON_PARAMETERS
 from sar_imaging.quality import contrast
@@ -194,7 +194,7 @@ def measure(case: Case) -> dict:
     [wanted] = imager.add(dataclasses.replace(profiles, tx_m=true.tx_m, rx_m=true.rx_m))
     imager.reset()
     [product] = imager.add(profiles)
-    parameters = {p.name: p.default for p in (*backprojection_steps.PARAMETERS,
+    parameters = {p.name: p.default for p in (*backprojection.PARAMETERS,
                                               *COMMON_PARAMETERS)}
     log = Log()
     focus = ImageFocus(parameters | {'autofocus.time_offset': expected_s}, flight.grid, log)

@@ -2,8 +2,8 @@
 
 `radar_driver`, `pulse_buffer`, `range_compression`, `backprojection`, `afbp_fusion` and
 `moving_targets` are the programs, `sar_pipeline` all stages in one process. What they share is in
-`runtime` (life cycle, queues, parameters, diagnostics), `poses` (odometry and tf) and `images`
-(grid, focus, topics).
+`runtime` (life cycle, queues, parameters, diagnostics), `poses` (odometry and tf), `antenna` and
+`images` (grid, focus, topics).
 """
 
 import os

@@ -16,9 +16,9 @@ from sar_imaging.streaming.fusion import FusedImage, LiveFusion
 from sar_imaging.streaming.mosaic import StripMosaic
 from sar_imaging.streaming.subaperture_image import SubapertureImage
 
-from .backprojection_steps import MIN_PULSE_FRACTION
+from .antenna import PATTERN_PARAMETERS, pattern_from
+from .backprojection import MIN_PULSE_FRACTION
 from .images import (
-    antenna_pattern,
     autofocus,
     focus_watch,
     image_brightness,
@@ -26,7 +26,6 @@ from .images import (
     image_products,
     obstacle_products,
 )
-from .images.antenna_pattern import pattern_from
 from .images.autofocus import PHASE_GRADIENT, Note, PolarFocus
 from .images.image_brightness import ImageBrightness
 from .images.image_files import ImageFiles
@@ -53,7 +52,7 @@ PARAMETERS = (
     Parameter('strip_max_pixels', 0, 'Final images are also joined to a strip of at most so many '
               'pixels; 0 for no strip.', 'pixels', 0, 2**31 - 1),
     PHASE_GRADIENT,
-    *antenna_pattern.PARAMETERS,
+    *PATTERN_PARAMETERS,
     *image_brightness.PARAMETERS,
     *image_products.PARAMETERS,
     *image_files.PARAMETERS,

@@ -13,7 +13,7 @@ from sar_imaging.signal.positioning import PointingFinder, Positioner
 from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.pulses.buffer import PulseBuffer
 
-from .poses.antenna_pointing import PARAMETERS as POINTING_PARAMETERS, mount_from
+from .antenna import POINTING_PARAMETERS, mount_from
 from .poses.fix_input import HEADING_BASELINE, DatumFinder
 from .poses.frame_datum import DatumOutput
 from .poses.pose_input import (

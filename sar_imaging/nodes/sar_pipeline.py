@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 from .afbp_fusion import FusionStep
-from .backprojection_steps import SUBAPERTURES, BackprojectionStep
+from .backprojection import SUBAPERTURES, BackprojectionStep
 from .images.autofocus import PHASE_GRADIENT
 from .pulse_buffer import PulseBufferStep
 from .range_compression import RangeCompressionStep

@@ -10,11 +10,11 @@ pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 from sar_imaging.configuration.parameters import default_file, interpret, load_tree
 from sar_imaging.configuration.positions import check_positions
 from sar_imaging.geometry.illumination import Pointing
-from sar_imaging.nodes.backprojection_steps import (
+from sar_imaging.nodes.antenna import POINTING_PARAMETERS
+from sar_imaging.nodes.backprojection import (
     PARAMETERS as IMAGER_PARAMETERS,
     BackprojectionStep,
 )
-from sar_imaging.nodes.poses.antenna_pointing import PARAMETERS as POINTING_PARAMETERS
 from sar_imaging.nodes.pulse_buffer import PulseBufferStep
 from sar_imaging.nodes.runtime.parameters import ConfigurationError
 

@@ -20,7 +20,7 @@ from sar_imaging import backends
 from sar_imaging.backends import DeviceError
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.nodes.afbp_fusion import FusionStep
-from sar_imaging.nodes.backprojection_steps import IMAGE, SUBAPERTURES, BackprojectionStep
+from sar_imaging.nodes.backprojection import IMAGE, SUBAPERTURES, BackprojectionStep
 from sar_imaging.nodes.pulse_buffer import PulseBufferStep
 from sar_imaging.nodes.range_compression import RangeCompressionStep
 from sar_imaging.nodes.runtime.parameters import ConfigurationError

@@ -20,11 +20,11 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.planning.afbp.polar_grids import UnifiedPolarGrids
 from sar_imaging.streaming.aperture import ApertureImage
 
+from ..antenna import pattern_from
 from ..poses.frame_datum import FrameDatum
 from ..poses.known_positions import KnownPositions
 from ..runtime.health import Health, Part
 from ..runtime.parameters import BACKEND, ConfigurationError, Parameter
-from .antenna_pattern import pattern_from
 from .image_grid import TERRAIN_FILE
 
 TRACK_ERROR = Parameter(

@@ -27,7 +27,7 @@ def _interrupt_at(process, sign):
 
 # Python tells what it has imported: numpy comes early, the last of these before the node starts.
 @pytest.mark.parametrize('module', ['numpy', 'numba', 'sar_imaging.imaging.imager',
-                                    'rclpy', 'sar_imaging.nodes.backprojection_steps'])
+                                    'rclpy', 'sar_imaging.nodes.images.volume_cloud'])
 def test_while_libraries_are_loaded(ros_environment, module):
     process = _start(ros_environment, '-X', 'importtime')
     status, rest = _interrupt_at(process, f' {module}\n')

@@ -17,7 +17,7 @@ from sar_imaging.autofocus.live import compile_autofocus
 from sar_imaging.backends import compile_beforehand
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.poses import PoseTable
-from sar_imaging.nodes.backprojection_steps import PARAMETERS, BackprojectionStep
+from sar_imaging.nodes.backprojection import PARAMETERS, BackprojectionStep
 from sar_imaging.nodes.images import autofocus as nodes_autofocus
 from sar_imaging.nodes.images.autofocus import ImageFocus
 from sar_imaging.nodes.poses import known_positions

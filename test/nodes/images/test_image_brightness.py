@@ -15,7 +15,7 @@ from sar_imaging.configuration.positions import check_positions
 from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.illumination import Antenna, Illumination, Pointing
 from sar_imaging.nodes.afbp_fusion import FusionStep
-from sar_imaging.nodes.backprojection_steps import VOLUME, BackprojectionStep
+from sar_imaging.nodes.backprojection import VOLUME, BackprojectionStep
 from sar_imaging.nodes.runtime.parameters import ConfigurationError
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.streaming.subapertures import LiveSubapertures

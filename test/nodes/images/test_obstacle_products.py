@@ -16,7 +16,7 @@ from benchmarks.support.obstacle_scenes import Platform
 from msg_conversions.images import occupancy_from_message
 from msg_conversions.point_cloud import OBSTACLE_FIELDS, from_message
 from sar_imaging.nodes.afbp_fusion import FusionStep
-from sar_imaging.nodes.backprojection_steps import IMAGE, BackprojectionStep
+from sar_imaging.nodes.backprojection import IMAGE, BackprojectionStep
 from sar_imaging.nodes.images import obstacle_products
 from sar_imaging.nodes.poses import pose_input
 from sar_imaging.signal.pulses import concatenate

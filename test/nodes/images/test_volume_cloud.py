@@ -12,7 +12,7 @@ from sensor_msgs.msg import PointCloud2
 from msg_conversions.point_cloud import CELL_FIELDS, GEOGRAPHIC_FIELDS, from_message
 from sar_imaging.exploitation.bright_cells import bright_cells
 from sar_imaging.geometry import Datum, VolumeGrid
-from sar_imaging.nodes.backprojection_steps import VOLUME, BackprojectionStep
+from sar_imaging.nodes.backprojection import VOLUME, BackprojectionStep
 from sar_imaging.nodes.runtime.parameters import ConfigurationError
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal.pulses import concatenate

@@ -12,7 +12,7 @@ from sensor_msgs.msg import Imu, NavSatFix
 
 from msg_conversions.navigation import datum_from_message, datum_to_message
 from sar_imaging.geometry.earth import Datum
-from sar_imaging.nodes.backprojection_steps import BackprojectionStep
+from sar_imaging.nodes.backprojection import BackprojectionStep
 from sar_imaging.nodes.poses.frame_datum import DatumInput
 from sar_imaging.nodes.poses.pose_input import PoseInput
 from sar_imaging.nodes.pulse_buffer import PulseBufferStep

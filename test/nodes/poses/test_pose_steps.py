@@ -11,7 +11,7 @@ pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 
-from sar_imaging.nodes.backprojection_steps import BackprojectionStep
+from sar_imaging.nodes.backprojection import BackprojectionStep
 from sar_imaging.nodes.moving_targets import MovingTargetsStep
 from sar_imaging.nodes.poses import pose_input
 from sar_imaging.nodes.pulse_buffer import PulseBufferStep

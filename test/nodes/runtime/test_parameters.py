@@ -9,7 +9,7 @@ pytest.importorskip('rclpy', reason='the package of the nodes needs ROS')
 import rclpy
 from rclpy.parameter import Parameter as RosParameter
 
-from sar_imaging.nodes import backprojection_steps, pulse_buffer, range_compression
+from sar_imaging.nodes import backprojection, pulse_buffer, range_compression
 from sar_imaging.nodes.runtime import stage
 from sar_imaging.nodes.runtime.parameters import (
     ANY_TIME,
@@ -26,7 +26,7 @@ LIST = Parameter('list', [0.0], 'Numbers.')
 WORD = Parameter('word', 'red', 'A word.', check=one_of('red', 'blue'))
 FLAG = Parameter('flag', False, 'A switch.', changes=START)
 TABLES = (*stage.COMMON_PARAMETERS, *pulse_buffer.PARAMETERS, *range_compression.PARAMETERS,
-          *backprojection_steps.PARAMETERS)
+          *backprojection.PARAMETERS)
 
 
 @pytest.mark.parametrize(('parameter', 'given', 'taken'), [
