@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Protocol
 
 from ..geometry.earth import Datum
 from .constraints import Finding
@@ -16,13 +15,7 @@ _ARMS = ('antenna.tx', 'antenna.rx', 'gnss.antenna')
 _ARM_FRAMES = ('antenna.tx_frames', 'antenna.rx_frames')
 
 
-class Parameters(Protocol):
-    """Values by name, such as those of a node."""
-
-    def __getitem__(self, name: str): ...
-
-
-def configured_datum(values: Parameters) -> Datum | None:
+def configured_datum(values: Mapping[str, object]) -> Datum | None:
     """Datum that the parameters common to all nodes give.
 
     Parameters
@@ -56,7 +49,7 @@ def configured_datum(values: Parameters) -> Datum | None:
     return None
 
 
-def check_fixes(values: Parameters) -> None:
+def check_fixes(values: Mapping[str, object]) -> None:
     """Refuse uses of fixes that contradict each other, of the node that finds positions.
 
     Parameters

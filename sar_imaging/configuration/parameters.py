@@ -45,9 +45,6 @@ _SECTIONS = {'autofocus_': 'autofocus.', 'subaperture_': 'subapertures.', 'volum
              'radiometry_': 'radiometry.'}
 _FIELDS = {f.name: re.sub(f'^({"|".join(_SECTIONS)})', lambda m: _SECTIONS[m[0]], f.name)
            for f in dataclasses.fields(Imaging) if f.name != 'grid'}
-# Parameters of the nodes that settings are made of.
-IMAGING_PARAMETERS = (*(f'grid.{name}' for name in ('centre_x', 'centre_y', 'centre_z', 'size_x',
-                                                    'size_y', 'spacing')), *_FIELDS.values())
 
 
 class ConfigurationFileError(ValueError):

@@ -6,10 +6,9 @@ Two questions, as soon as each can be answered: `report_parameters` when the nod
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
-from typing import Protocol
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -18,18 +17,12 @@ from ..signal.pulses import PulseBlock
 from .antenna import NONE
 from .constraints import Finding, check, check_settings
 from .derived import derive
-from .parameters import IMAGING_PARAMETERS, imaging_from_parameters
+from .parameters import imaging_from_parameters
 from .report import lines, rows
 from .settings import Acquisition, Imaging, Machine
 
 _STRAIGHT_SHARE = 0.75  # of an aperture that was flown straight, before it counts as such
 _OFF_SHARE = 0.25  # of the way flown by which a straight track may be off
-
-
-class Parameters(Protocol):
-    """Values by name, such as those of a node; KeyError for a name that it does not have."""
-
-    def __getitem__(self, name: str): ...
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,18 +89,7 @@ class TrackWarnings:
         return True if count.max() + 1 >= self._enough else None
 
 
-def settings_of(parameters: Parameters) -> Imaging:
-    """Settings that the parameters of a node tell; defaults where it has none.
-
-    Raises
-    ------
-    ValueError
-        A value makes no sense.
-    """
-    return imaging_from_parameters(_known(parameters))
-
-
-def report_parameters(parameters: Parameters) -> StartupReport:
+def report_parameters(parameters: Mapping[str, object]) -> StartupReport:
     """Check what needs no radar.
 
     Parameters
@@ -121,14 +103,14 @@ def report_parameters(parameters: Parameters) -> StartupReport:
         Without lines.
     """
     try:
-        imaging = settings_of(parameters)
+        imaging = imaging_from_parameters(parameters)
         findings = check_settings(imaging, Machine.this_one())
     except ValueError as error:
         return StartupReport(errors=(str(error),))
     return _report((), findings)
 
 
-def report_block(parameters: Parameters, block: PulseBlock) -> StartupReport:
+def report_block(parameters: Mapping[str, object], block: PulseBlock) -> StartupReport:
     """Derive and check everything that a first block and the parameters tell.
 
     The track is carried on straight from the block, so what follows from the track is a warning
@@ -147,7 +129,6 @@ def report_block(parameters: Parameters, block: PulseBlock) -> StartupReport:
     StartupReport
         Empty when the block is too short to tell pulse rate and track: ask again with the next.
     """
-    parameters, beamwidth_rad = _known(parameters), _beamwidth_rad(parameters)
     try:
         imaging = imaging_from_parameters(parameters)
         if block.compressed and 'oversampling' not in parameters:  # as they come
@@ -158,7 +139,7 @@ def report_block(parameters: Parameters, block: PulseBlock) -> StartupReport:
         acquisition = acquisition_of(block, imaging)
         if acquisition is None:
             return StartupReport()
-        acquisition = dataclasses.replace(acquisition, beamwidth_rad=beamwidth_rad)
+        acquisition = dataclasses.replace(acquisition, beamwidth_rad=_beamwidth_rad(parameters))
         derived = derive(acquisition, imaging, machine)
     except ValueError as error:
         return StartupReport(errors=(str(error),))
@@ -210,21 +191,11 @@ def acquisition_of(block: PulseBlock, imaging: Imaging) -> Acquisition | None:
         channel_spacing_m=float(np.ptp(along)) / max(1, block.n_channels - 1))
 
 
-def _beamwidth_rad(parameters: Parameters) -> float:
+def _beamwidth_rad(parameters: Mapping[str, object]) -> float:
     """Width of the pattern that images are weighed by; 0 where it is not known."""
-    with contextlib.suppress(KeyError):
-        if parameters['antenna.pattern'] != NONE:
-            return math.radians(parameters['antenna.azimuth_width'])
-    return 0.0
-
-
-def _known(parameters: Parameters) -> dict:
-    """Those of interest that there are."""
-    values = {}
-    for name in IMAGING_PARAMETERS:
-        with contextlib.suppress(KeyError):
-            values[name] = parameters[name]
-    return values
+    if parameters.get('antenna.pattern', NONE) == NONE:
+        return 0.0
+    return math.radians(parameters['antenna.azimuth_width'])
 
 
 def _report(text, findings: list[Finding]) -> StartupReport:

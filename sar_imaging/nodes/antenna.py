@@ -14,7 +14,7 @@ from sar_imaging.configuration.antenna import (
 )
 from sar_imaging.geometry.illumination import AntennaPattern, Mount
 
-from .runtime.parameters import ConfigurationError, Parameter, one_of
+from .runtime.parameters import Parameter, one_of, refused
 
 PATTERN = Parameter(
     'antenna.pattern', NONE, 'Pattern of the antenna, with which pulses add to pixels: '
@@ -41,10 +41,8 @@ def pattern_from(parameters: Mapping[str, object]) -> AntennaPattern | None:
     ConfigurationError
         They describe none.
     """
-    try:
+    with refused('parameter '):
         antenna = antenna_of(parameters)
-    except ValueError as error:
-        raise ConfigurationError(f'parameter {error}') from error
     return None if antenna is None else antenna.amplitudes()
 
 
@@ -86,7 +84,5 @@ def mount_from(parameters: Mapping[str, object]) -> Mount | None:
     ConfigurationError
         They describe none.
     """
-    try:
+    with refused('parameter '):
         return mount_of(parameters)
-    except ValueError as error:
-        raise ConfigurationError(f'parameter {error}') from error

@@ -13,7 +13,8 @@ from msg_conversions.subaperture_image import to_message
 from msg_conversions.subaperture_wire import as_received
 
 from ..backends import AUTO, compile_beforehand
-from ..configuration.startup import TrackWarnings, report_block, settings_of
+from ..configuration.parameters import imaging_from_parameters
+from ..configuration.startup import TrackWarnings, report_block
 from ..exploitation.obstacles.aperture_view import PulseTracks
 from ..formats.acquisition import Acquisition
 from ..geometry.grids import TerrainGrid
@@ -34,7 +35,7 @@ from .images import (
     obstacle_products,
     volume_cloud,
 )
-from .images.autofocus import FocusedImage, ImageFocus
+from .images.autofocus import ImageFocus
 from .images.focus_watch import FocusWatch, count_focus
 from .images.image_brightness import ImageBrightness
 from .images.image_files import ImageFiles
@@ -61,6 +62,7 @@ from .runtime.parameters import (
     Parameter,
     backend_of,
     one_of,
+    refused,
 )
 from .runtime.stage import Stage
 from .runtime.step import LiveStep
@@ -132,7 +134,7 @@ class BackprojectionStep(LiveStep):
         super().__init__(parameters, health)
         self._grid = make_grid(parameters)
         self._pattern = pattern_from(parameters)
-        imaging = settings_of(parameters)
+        imaging = imaging_from_parameters(parameters)
         self._pixels = imaging.volume or self._grid
         self._watch = FocusWatch(imaging.middle_grid, parameters['pulses_per_aperture'], health,
                                  watching=not (parameters[TERRAIN_FILE.name]
@@ -218,7 +220,7 @@ class ImageStep(BackprojectionStep):
         self._positions = None if self._focus is None else self._focus.positions
         self._heights_m = terrain_heights(parameters, self._grid)
         chosen = backend_of(parameters)
-        try:
+        with refused(f'parameters method and {PATTERN.name}: '):
             self.live = ApertureImager(
                 self._pixels, pulses_per_aperture=parameters['pulses_per_aperture'],
                 min_pulse_fraction=parameters['min_pulse_fraction'],
@@ -226,8 +228,6 @@ class ImageStep(BackprojectionStep):
                 height_m=self._heights_m,
                 keep_pulses=self._focus is not None, method=parameters['method'],
                 illumination=self._pattern, backend=chosen)
-        except ValueError as error:
-            raise ConfigurationError(f'parameters method and {PATTERN.name}: {error}') from error
         self._brightness = ImageBrightness(parameters, self._pattern, health)
         self._files = ImageFiles(parameters, self._datum)
         self._pulses = (PulseTracks(REMEMBERED * parameters['pulses_per_aperture'])
@@ -284,7 +284,7 @@ class ImageStep(BackprojectionStep):
         self._send(product)
         seconds = self._count_product(product.n_missing, product.predicted_error_db)
         self.health.set('pulses_missing_in_last_aperture', product.n_missing)
-        details = f'; {product.details}' if isinstance(product, FocusedImage) else ''
+        details = f'; {product.focus.details}' if product.focus else ''
         figure = count_focus(product.image, self.health)
         self.health.info(f'{self.describe(product)}; {seconds:.3g} s of work, '
                          f'{error_in_words(product.predicted_error_db)}, {figure}'
@@ -295,7 +295,7 @@ class ImageStep(BackprojectionStep):
     def describe(self, product: ApertureImage) -> str:
         """An image in words."""
         missing = describe_counters(product.missing.tolist()) if product.n_missing else 'none'
-        verdict = f', {product.verdict}' if isinstance(product, FocusedImage) else ''
+        verdict = f', {product.focus.verdict}' if product.focus else ''
         way = '' if product.method == EXACT else f', by {product.method}'
         return (f'image of aperture {product.aperture}: {product.n_pulses} pulses, '
                 f'missing {missing}{way}{verdict}')
@@ -363,14 +363,12 @@ class SubapertureStep(BackprojectionStep):
         follow_m = ((p['subapertures.follow_ahead'], p['subapertures.follow_left'])
                     if p['subapertures.follow'] else None)
         chosen = backend_of(p)
-        try:
+        with refused('subapertures: '):
             self.live = LiveSubapertures(
                 self._grid, pulses_per_aperture=p['pulses_per_aperture'],
                 pulses_per_subaperture=p['subapertures.pulses'],
                 target_db=p['subapertures.target_db'], sliding=p['subapertures.sliding'],
                 follow_m=follow_m, illumination=self._pattern, backend=chosen)
-        except ValueError as error:
-            raise ConfigurationError(f'subapertures: {error}') from error
         compile_beforehand('SubapertureImager')  # the first sub-aperture must not wait for it
 
     def create_outputs(self, node: ManagedNode) -> None:

@@ -8,11 +8,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from nav_msgs.msg import MapMetaData
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image, PointCloud2
-from std_msgs.msg import Header
 
 from msg_conversions.images import complex_to_message, map_metadata_to_message
 from msg_conversions.point_cloud import FIELDS, to_message
@@ -30,6 +27,7 @@ from sar_imaging.signal.windows import parse_window
 
 from .images.image_grid import GRID_PARAMETERS, describe_grid, make_grid
 from .poses.frame_datum import DatumInput
+from .runtime.block_output import PRODUCT_QOS, header_at
 from .runtime.health import Health, Part
 from .runtime.managed import LATCHED, ManagedNode, run
 from .runtime.parameters import ANY_TIME, Parameter, one_of
@@ -89,9 +87,8 @@ class MovingTargetsStep(LiveStep):
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publishers; see `Step`."""
-        qos = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
-        self._targets = node.create_output(PointCloud2, 'moving_targets', qos)
-        self._interferogram = node.create_output(Image, 'interferogram', qos)
+        self._targets = node.create_output(PointCloud2, 'moving_targets', PRODUCT_QOS)
+        self._interferogram = node.create_output(Image, 'interferogram', PRODUCT_QOS)
         self._map_metadata = node.create_output(MapMetaData, 'interferogram_metadata', LATCHED)
 
     def activate(self, node: ManagedNode) -> None:
@@ -118,9 +115,7 @@ class MovingTargetsStep(LiveStep):
 
     def publish(self, product: MovingTargets) -> None:
         """Publish the targets, and the interferogram for whoever listens."""
-        header = Header(stamp=Time(sec=product.stamp_ns // 10**9,
-                                   nanosec=product.stamp_ns % 10**9),
-                        frame_id=self.parameters['frame_id'])
+        header = header_at(product.stamp_ns, self.parameters)
         rows = [(*d.position_m, d.radial_velocity_m_per_s, d.snr_db,
                  d.radial_velocity_std_m_per_s) for d in product.detections]
         points = np.array(rows, float).reshape(-1, len(FIELDS))

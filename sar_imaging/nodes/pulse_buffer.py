@@ -28,7 +28,7 @@ from .runtime.block_output import UNTAKEN, BlockOutput
 from .runtime.health import CHANGE, Health, Part
 from .runtime.inlet import UncheckedPulses
 from .runtime.managed import ManagedNode, run
-from .runtime.parameters import ANY_TIME, ConfigurationError, Parameter, plain_frame
+from .runtime.parameters import ANY_TIME, Parameter, plain_frame, refused
 from .runtime.stage import Stage
 from .runtime.step import Step
 
@@ -77,10 +77,8 @@ class PulseBufferStep(Step):
         self._pointing = (PointingFinder(self._mount)
                           if self._mount is not None and not self._mount.needs_attitude else None)
         self._unpointed = ''  # why the latest pulses got no pointing
-        try:
+        with refused():
             check_fixes(parameters)
-        except ValueError as error:
-            raise ConfigurationError(str(error)) from error
         self._datum = DatumOutput(parameters, health)
         if parameters['pose.source'] != BLOCK:
             self._poses = PoseInput(parameters, health, self._pose_came, self._datum)
@@ -180,14 +178,13 @@ class PulseBufferStep(Step):
         self._poses.look()
 
     def _update_fix_counters(self) -> None:
-        if (of_fixes := self._poses.of_fixes) is not None:
-            self.health.set('fixes_received', of_fixes.n_fixes)
-            self.health.set('fixes_rejected', of_fixes.n_fixes_rejected)
-            self.health.set('attitudes_unused', of_fixes.n_attitudes_unused)
-        elif self._finder is not None:
-            self.health.set('fixes_received', self._finder.fixes.n_received)
-            self.health.set('fixes_rejected', self._finder.fixes.n_rejected)
-            self.health.set('fixes_without_pose', self._finder.n_without_pose)
+        if (source := self._poses.of_fixes) is not None:
+            self.health.set('attitudes_unused', source.n_attitudes_unused)
+        elif (source := self._finder) is not None:
+            self.health.set('fixes_without_pose', source.n_without_pose)
+        if source is not None:
+            self.health.set('fixes_received', source.fixes.n_received)
+            self.health.set('fixes_rejected', source.fixes.n_rejected)
 
     def _emitted(self, blocks: list[PulseBlock]) -> list[PulseBlock]:
         self.report(events := self._buffer.take_events())

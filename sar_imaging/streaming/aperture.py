@@ -54,6 +54,8 @@ class ApertureImage:
         The pulses themselves, where they were to be kept.
     method : str
         Imager that formed it, as `plan_image` names it.
+    focus : object
+        What autofocus has to tell of it; None where it was not tried.
     """
 
     image: np.ndarray
@@ -65,6 +67,7 @@ class ApertureImage:
     predicted_error_db: float | None
     pulses: PulseBlock | None = None
     method: str = EXACT
+    focus: object | None = None
 
     @property
     def n_pulses(self) -> int:

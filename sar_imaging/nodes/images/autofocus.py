@@ -62,20 +62,18 @@ COUNTERS = ('autofocus_attempted', 'autofocus_accepted', 'autofocus_claimed', 'a
             *_FIGURES, 'autofocus_time_offset_s', 'autofocus_seconds', 'autofocus_aperture')
 
 
-@dataclasses.dataclass(frozen=True)
-class FocusedImage(ApertureImage):
-    """An image that autofocus was tried on.
+class Note(NamedTuple):
+    """Whether an image was corrected, in few words, and what was done to it, in figures."""
 
-    Parameters
-    ----------
-    verdict : str
-        Whether it was corrected, in few words.
-    details : str
-        What was done to it, in figures.
-    """
+    verdict: str
+    details: str
 
-    verdict: str = ''
-    details: str = ''
+
+def tell(health: Health | Part, aperture: int, note: Note) -> None:
+    """Put into the diagnostics what autofocus did to the image of an aperture."""
+    health.set('autofocus_aperture', aperture)
+    health.tell('autofocus_verdict', note.verdict)
+    health.tell('autofocus_reason', note.details)
 
 
 class ImageFocus:
@@ -144,7 +142,7 @@ class ImageFocus:
         return f'autofocus for {expected}{known}'
 
     def take(self, images: Iterable[ApertureImage], *, final: bool = False
-             ) -> list[FocusedImage]:
+             ) -> list[ApertureImage]:
         """Add images; returns those that are done with, in their order.
 
         Parameters
@@ -169,33 +167,31 @@ class ImageFocus:
         self._waiting.clear()
         return n
 
-    def _focused(self, product: ApertureImage) -> FocusedImage:
+    def _focused(self, product: ApertureImage) -> ApertureImage:
         """The image in focus where that was found, else as it is; its pulses are let go."""
-        fields = {f.name: getattr(product, f.name) for f in dataclasses.fields(ApertureImage)}
-        fields['pulses'] = None
         self._health.count('autofocus_attempted')
         began = time.perf_counter()
         try:
             result = self._autofocus(product).process(product.pulses, product.image)
         except (ValueError, MemoryError) as error:
             self._health.count('autofocus_failed')
-            tell(self._health, product.aperture, Note(FAILED, str(error)))
+            note = Note(FAILED, str(error))
+            tell(self._health, product.aperture, note)
             self._health.warning(f'autofocus of aperture {product.aperture} failed, the image '
                                  f'is published unchanged: {error}')
-            return FocusedImage(**fields, verdict=FAILED, details=str(error))
+            return dataclasses.replace(product, pulses=None, focus=note)
         seconds = time.perf_counter() - began
         report = result.report
         self._count(report, seconds)
         tell(self._health, product.aperture, Note(report.verdict, report.reason))
-        fields['image'] = result.image
         curve = report.curve
         tried = '' if curve is None else (
             f', {len(curve.offset_s)} offsets of {curve.offset_s[0]:+.3g} to '
             f'{curve.offset_s[-1]:+.3g} s tried')
-        return FocusedImage(
-            **fields, verdict=report.verdict,
-            details=f'{report.details}, largest move {report.largest_move_m:.3g} m{tried}, '
-                    f'{seconds:.3g} s')
+        details = (f'{report.details}, largest move {report.largest_move_m:.3g} m{tried}, '
+                   f'{seconds:.3g} s')
+        return dataclasses.replace(product, image=result.image, pulses=None,
+                                   focus=Note(report.verdict, details))
 
     def _autofocus(self, product: ApertureImage) -> Autofocus:
         p, which = self._parameters, f'autofocus of aperture {product.aperture}'
@@ -228,20 +224,6 @@ class ImageFocus:
             self._health.set(key, float(getattr(report, field)))
         self._health.set('autofocus_time_offset_s', report.parameters.get('time_offset_s', 0.0))
         self._health.set('autofocus_seconds', seconds)
-
-
-class Note(NamedTuple):
-    """Whether an image was corrected, in few words, and what was done to it, in figures."""
-
-    verdict: str
-    details: str
-
-
-def tell(health: Health | Part, aperture: int, note: Note) -> None:
-    """Put into the diagnostics what autofocus did to the image of an aperture."""
-    health.set('autofocus_aperture', aperture)
-    health.tell('autofocus_verdict', note.verdict)
-    health.tell('autofocus_reason', note.details)
 
 
 class PolarFocus:

@@ -21,7 +21,7 @@ from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.windows import parse_window
 
 from ..runtime.health import Health, Part
-from ..runtime.parameters import ConfigurationError, Parameter, one_of
+from ..runtime.parameters import Parameter, one_of, refused
 
 QUANTITY = Parameter(
     QUANTITY_NAME, NONE, 'What the squared magnitude of images is: '
@@ -50,6 +50,11 @@ class ImageBrightness:
     health : Health or Part
         Counters, with `COUNTERS` and `FAULTS`, and log.
 
+    Attributes
+    ----------
+    told : str
+        What to add to the log line of the latest image.
+
     Raises
     ------
     ConfigurationError
@@ -58,25 +63,13 @@ class ImageBrightness:
 
     def __init__(self, parameters: Mapping[str, object], pattern: AntennaPattern | None,
                  health: Health | Part):
-        try:
+        with refused('parameter '):
             constant = constant_of(parameters)
-        except ValueError as error:
-            raise ConfigurationError(f'parameter {error}') from error
         self._calibration = constant and LiveCalibration(
             constant, parameters[QUANTITY.name], pattern=pattern,
             weighting=parameters[WINDOW.name])
         self._health = health
-        self._told = ''  # of the latest image
-
-    @property
-    def wanted(self) -> bool:
-        """Whether images are scaled at all."""
-        return self._calibration is not None
-
-    @property
-    def told(self) -> str:
-        """What to add to the log line of the latest image."""
-        return self._told
+        self.told = ''
 
     def factors(self, image: Image, pulses: Callable[[], PulseBlock]
                 ) -> Callable[[], dict[str, object]]:
@@ -85,7 +78,7 @@ class ImageBrightness:
         The arguments are those of `calibrated`, whose ValueError it raises.
         """
         def tell() -> dict[str, object]:
-            if not self.wanted:
+            if self._calibration is None:
                 return {}
             response, constant = self._calibration.response(image, pulses())
             return {'response': response, 'constant': constant}
@@ -104,9 +97,9 @@ class ImageBrightness:
         pulses : callable
             Returns the pulses that it was formed from, or raises ValueError.
         """
-        if not self.wanted:
+        if self._calibration is None:
             return image
-        began, self._told = time.perf_counter(), ''
+        began, self.told = time.perf_counter(), ''
         try:
             scaled = self._calibration(image, pulses())
         except ValueError as error:
@@ -117,7 +110,7 @@ class ImageBrightness:
         for name in ('noise_equivalent_db', 'incidence_deg'):
             self._health.set(name, getattr(scaled.radiometry, name))
         median = median_db(scaled.samples)
-        self._told = f', median {median:.1f} dB of {scaled.radiometry}'
+        self.told = f', median {median:.1f} dB of {scaled.radiometry}'
         self._health.set('brightness_median_db', median)
         self._health.set('responses_computed', self._calibration.computed)
         self._health.set('calibration_seconds', time.perf_counter() - began)

@@ -13,7 +13,7 @@ from ...files import check_file
 from ...geometry.grids import MapGrid, VolumeGrid
 from ...geometry.terrain import Terrain
 from ...memory import available_bytes
-from ..runtime.parameters import ConfigurationError, Parameter
+from ..runtime.parameters import ConfigurationError, Parameter, refused
 
 MAX_IMAGE_PIXELS = Parameter('max_image_pixels', 2**25, 'Larger images are refused.', 'pixels',
                              1, 2**31 - 1)
@@ -75,11 +75,9 @@ def terrain_heights(parameters: Mapping[str, object], grid: MapGrid) -> np.ndarr
     path = parameters[TERRAIN_FILE.name]
     if not path:
         return None
-    try:
+    with refused(f'parameter {TERRAIN_FILE.name}: '):
         _check_size(path)
         return Terrain.load(path).heights(grid)
-    except ValueError as error:
-        raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: {error}') from error
 
 
 def _check_size(path: str) -> None:

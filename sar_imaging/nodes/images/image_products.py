@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import MapMetaData
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image
-from std_msgs.msg import Header
 
 from msg_conversions.images import (
     amplitude_to_message,
@@ -21,6 +19,7 @@ from msg_conversions.images import (
 from msg_conversions.quicklook import ANCHORS, CLUTTER, MAX_DYNAMIC_RANGE_DB
 from sar_imaging.geometry.grids import MapGrid
 
+from ..runtime.block_output import PRODUCT_QOS, header_at
 from ..runtime.managed import LATCHED
 from ..runtime.parameters import ANY_TIME, Parameter, one_of
 
@@ -52,10 +51,9 @@ class ImageProducts:
     def __init__(self, node: Stage, parameters: Mapping[str, object], prefix: str = ''):
         self._parameters = parameters
         self._grid: MapGrid | None = None  # that map_metadata tells
-        qos = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
-        self._complex = node.create_output(Image, f'{prefix}image_complex', qos)
-        self._amplitude = node.create_output(Image, f'{prefix}image', qos)
-        self._quicklook = node.create_output(Image, f'{prefix}image_quicklook', qos)
+        self._complex, self._amplitude, self._quicklook = (
+            node.create_output(Image, f'{prefix}{name}', PRODUCT_QOS)
+            for name in ('image_complex', 'image', 'image_quicklook'))
         self._map_metadata = node.create_output(MapMetaData, f'{prefix}map_metadata', LATCHED)
 
     @property
@@ -87,8 +85,7 @@ class ImageProducts:
         stamp_ns : int
             Middle of the aperture, nanoseconds.
         """
-        header = Header(stamp=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9),
-                        frame_id=self._parameters['frame_id'])
+        header = header_at(stamp_ns, self._parameters)
         self.announce(grid, header.stamp)
         if self._complex.get_subscription_count():
             self._complex.publish(complex_to_message(image, header))

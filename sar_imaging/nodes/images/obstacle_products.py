@@ -15,12 +15,10 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from nav_msgs.msg import OccupancyGrid
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Header
 
 from msg_conversions.images import occupancy_to_message
 from msg_conversions.point_cloud import OBSTACLE_FIELDS, to_message
@@ -35,6 +33,7 @@ from sar_imaging.exploitation.obstacles.obstacle_map import (
 from sar_imaging.geometry.grids import MapGrid
 
 from ..poses.frame_datum import FrameDatum
+from ..runtime.block_output import PRODUCT_QOS, header_at
 from ..runtime.health import Health, Part
 from ..runtime.parameters import ANY_TIME, Parameter
 from ..runtime.worker import Worker
@@ -104,9 +103,7 @@ class ObstacleProducts:
         compile_kernels()  # who asks for the first map must not wait for it
         joined = {'joined': lambda: node.in_worker(self._publish)}
         self._grid_output = node.create_output(OccupancyGrid, 'obstacle_map', MAP_QOS, **joined)
-        self._cloud_output = node.create_output(
-            PointCloud2, 'obstacles', QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE),
-            **joined)
+        self._cloud_output = node.create_output(PointCloud2, 'obstacles', PRODUCT_QOS, **joined)
 
     def activate(self, node: Stage) -> None:
         """Make maps in a thread of their own, and let the map fade, images or not."""
@@ -141,13 +138,10 @@ class ObstacleProducts:
             return
         states = self._map.states(passed_s if later_s is None else later_s)
         self._grid_output.publish(occupancy_to_message(
-            states, self._map.grid, self._header(stamp_ns + round(1e9 * passed_s))))
+            states, self._map.grid,
+            header_at(stamp_ns + round(1e9 * passed_s), self._parameters)))
         if (states == UNKNOWN).all():
             self._sent = None
-
-    def _header(self, stamp_ns: int) -> Header:
-        return Header(stamp=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9),
-                      frame_id=self._parameters['frame_id'])
 
     def publish(self, image: np.ndarray, grid: MapGrid, stamp_ns: int,
                 view: Callable[[], ApertureView],
@@ -219,7 +213,7 @@ class ObstacleProducts:
                           f'{np.mean(states == UNKNOWN):.0%} unknown; {seconds:.3g} s of work')
 
     def _send(self, look: _Look, states: np.ndarray, obstacles: list[Obstacle]) -> None:
-        header, outputs = self._header(look.stamp_ns), self._listened()
+        header, outputs = header_at(look.stamp_ns, self._parameters), self._listened()
         if self._grid_output in outputs:
             self._grid_output.publish(occupancy_to_message(states, look.grid, header))
             self._sent = time.monotonic(), look.stamp_ns

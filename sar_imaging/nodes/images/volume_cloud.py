@@ -8,10 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from builtin_interfaces.msg import Time
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Header
 
 from msg_conversions.point_cloud import CELL_FIELDS, to_message
 from sar_imaging.exploitation.bright_cells import LEVELS, BrightCells, bright_cells
@@ -20,6 +17,7 @@ from sar_imaging.imaging.image import Image
 from sar_imaging.imaging.radiometry import Radiometry
 
 from ..poses.frame_datum import FrameDatum
+from ..runtime.block_output import PRODUCT_QOS, header_at
 from ..runtime.health import Health, Part
 from ..runtime.parameters import ANY_TIME, Parameter
 from ..runtime.saving import SAVE_FOLDER, file_stem
@@ -59,8 +57,7 @@ class VolumeCloud:
                  datum: FrameDatum):
         self._parameters, self._health, self._datum = parameters, health, datum
         self._latest: tuple[BrightCells, int, Radiometry | None] | None = None  # and their time
-        self._output = node.create_output(PointCloud2, 'volume', QoSProfile(
-            depth=5, reliability=ReliabilityPolicy.RELIABLE))
+        self._output = node.create_output(PointCloud2, 'volume', PRODUCT_QOS)
 
     @property
     def topic(self) -> str:
@@ -91,11 +88,9 @@ class VolumeCloud:
         if p[SAVE_FOLDER.name]:
             self._latest = cells, stamp_ns, image.radiometry
         if listened:
-            header = Header(stamp=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9),
-                            frame_id=p['frame_id'])
             self._output.publish(to_message(
-                np.column_stack([cells.points_m, cells.level_db(image.radiometry)]), header,
-                CELL_FIELDS, self._datum.geographic(cells.points_m)))
+                np.column_stack([cells.points_m, cells.level_db(image.radiometry)]),
+                header_at(stamp_ns, p), CELL_FIELDS, self._datum.geographic(cells.points_m)))
 
     def saving(self) -> Callable[[], str]:
         """Function that writes the latest cloud and says what it wrote; for any thread.

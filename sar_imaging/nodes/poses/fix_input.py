@@ -119,6 +119,11 @@ class FixPoseSource:
         Whether the topic `imu` tells attitudes.
     take : callable
         Called with time in ns, position and quaternion of each pose.
+
+    Attributes
+    ----------
+    fixes : Listener
+        To the fixes.
     """
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part,
@@ -128,7 +133,7 @@ class FixPoseSource:
         self._poses = FixPoses(
             antenna_m=parameters['gnss.antenna'], with_attitude=with_attitude,
             max_gap_s=parameters['pose.max_gap_s'], jump_m=parameters['pose.jump_m'])
-        self._fixes = fix_listener(parameters, self._take_fix, health)
+        self.fixes = fix_listener(parameters, self._take_fix, health)
         self._attitudes = (Listener(Imu, IMU_TOPIC, attitude_from_message,
                                     self._take_attitude, health)
                            if with_attitude else None)
@@ -136,18 +141,8 @@ class FixPoseSource:
     @property
     def topics(self) -> str:
         """Full names of the topics."""
-        return ' and '.join(listener.topic for listener in (self._fixes, self._attitudes)
+        return ' and '.join(listener.topic for listener in (self.fixes, self._attitudes)
                             if listener is not None)
-
-    @property
-    def n_fixes(self) -> int:
-        """Fixes that came."""
-        return self._fixes.n_received
-
-    @property
-    def n_fixes_rejected(self) -> int:
-        """Fixes that were not good enough."""
-        return self._fixes.n_rejected
 
     @property
     def n_attitudes_unused(self) -> int:
@@ -157,7 +152,7 @@ class FixPoseSource:
 
     def activate(self, node: ManagedNode) -> None:
         """Subscribe."""
-        self._fixes.activate(node)
+        self.fixes.activate(node)
         if self._attitudes is not None:
             self._attitudes.activate(node)
 

@@ -1,10 +1,12 @@
-"""Publish pulse blocks, or what is made of them, for the next node, while it subscribes."""
+"""Outputs of nodes: blocks for the next one, headers and queues of products."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from std_msgs.msg import Float32MultiArray
+from builtin_interfaces.msg import Time
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float32MultiArray, Header
 
 from msg_conversions import pulse_block
 
@@ -13,6 +15,13 @@ from .managed import ManagedNode
 from .step import stream_qos
 
 UNTAKEN = 'pulses_untaken'
+PRODUCT_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
+
+
+def header_at(stamp_ns: int, parameters: Mapping[str, object]) -> Header:
+    """Header of a product of a time in nanoseconds, in the imaging frame."""
+    return Header(stamp=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9),
+                  frame_id=parameters['frame_id'])
 
 
 class BlockOutput:

@@ -41,6 +41,15 @@ class ConfigurationError(ValueError):
     """A node cannot work with its parameters; the text says which and what to set."""
 
 
+@contextlib.contextmanager
+def refused(what: str = '') -> Iterator[None]:
+    """A ValueError within is a `ConfigurationError`, whose text begins with `what`."""
+    try:
+        yield
+    except ValueError as error:
+        raise ConfigurationError(f'{what}{error}') from error
+
+
 @dataclasses.dataclass(frozen=True)
 class Parameter:
     """One line of a node's parameter table.
@@ -118,10 +127,8 @@ class Parameter:
             raise ConfigurationError(f'parameter {self.name}={value}; expected '
                                      f'{self.expected()}')
         if self.check is not None:
-            try:
+            with refused(f'parameter {self.name}: '):
                 self.check(value)
-            except ValueError as error:
-                raise ConfigurationError(f'parameter {self.name}: {error}') from error
         return value
 
 

@@ -32,7 +32,7 @@ from .inlet import Inlet
 from .input_watch import CAUSES, InputWatch
 from .managed import DIAGNOSTICS_PERIOD_S, ManagedNode, RCLError
 from .overload import APERTURES, FAULTS, POLICIES, Load
-from .parameters import ANY_TIME, ConfigurationError, Parameter, one_of
+from .parameters import ANY_TIME, Parameter, one_of, refused
 from .saving import FileThread
 from .step import Chain, Step, stream_qos
 
@@ -205,10 +205,8 @@ class Stage(ManagedNode):
 
     def configure(self) -> None:
         """Make the steps and their outputs; see `ManagedNode.configure`."""
-        try:
+        with refused():
             configured_datum(self.parameters)
-        except ValueError as error:
-            raise ConfigurationError(str(error)) from error
         self._progress = self.create_publisher(UInt32, '~/progress', stream_qos(self.parameters))
         self.outputs.append(self._progress)
         steps = self.steps()

@@ -276,7 +276,7 @@ def test_controls_reach_autofocus(case, monkeypatch):
         'autofocus.track_error': 0.05, 'autofocus.range_bias': 0.2,
         'autofocus.residual_phases': False, 'autofocus.coherence_limit': 0.6})
     [image] = focus.take([product(case.true, 0)])
-    assert image.verdict == 'autofocus failed'
+    assert image.focus.verdict == 'autofocus failed'
     monkeypatch.setattr(nodes_autofocus, 'FIRST_PROGRESS_S', -1.0)
     seen.pop('progress')(3, 12)
     assert re.fullmatch(r'autofocus of aperture 0: 3 of 12 clock offsets tried in \d+ s, \d+ s to '

@@ -91,7 +91,8 @@ def test_bad_messages_are_counted_and_told_of_once(listening):
         bad.orientation_covariance[0] = -1.0
         listening.node.callbacks['imu'](bad)
     of_fixes = listening.poses.of_fixes
-    assert (of_fixes.n_fixes, of_fixes.n_fixes_rejected, of_fixes.n_attitudes_unused) == (3, 3, 3)
+    fixes = of_fixes.fixes
+    assert (fixes.n_received, fixes.n_rejected, of_fixes.n_attitudes_unused) == (3, 3, 3)
     assert [line for line in listening.log.lines if 'dropped' in line] == [
         'dropped messages of /fix: standard deviation 1e+03 m, more than 10 m',
         'dropped messages of /imu: orientation_covariance[0] is -1: no orientation']
