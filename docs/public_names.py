@@ -33,6 +33,7 @@ MODULES = {
     'sar_imaging.autofocus.phase_gradient': ('PhaseGradient',),
     'sar_imaging.autofocus.tiles': ('Tiles', 'bright_points'),
     'sar_imaging.autofocus.track': ('PhaseCentreTrack',),
+    'sar_imaging.backends.checks': ('check_backend',),
     'sar_imaging.backends.reference.project_points': ('half_paths',),
     'sar_imaging.backends.reference.resample_profiles': ('profile_spectra',),
     'sar_imaging.backends.samples': ('compress', 'to_device'),
