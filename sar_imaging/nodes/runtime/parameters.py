@@ -140,11 +140,12 @@ def _is_finite(value) -> bool:
 
 
 def one_of(*choices: str) -> Callable[[object], None]:
-    """Check of a parameter that is one of a few words."""
+    """Check of a parameter that is one of a few words, its attribute `choices`."""
     def check(value):
         if value not in choices:
             raise ValueError(f'{value!r} is unknown; use one of {", ".join(choices)}')
 
+    check.choices = choices
     return check
 
 
