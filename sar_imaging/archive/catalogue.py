@@ -21,6 +21,7 @@ import sar_imaging
 
 from ..files import replacing
 from ..formats import require
+from ..formats.acquisition import date_of
 from ..formats.quicklook import limits_db
 from ..formats.report import Section, write_report
 from ..formats.stac import (
@@ -193,7 +194,7 @@ class _Items:
 
     def _item(self, name: str, kind: str, scans: list[ApertureScan], properties: Mapping):
         job = self._job
-        first, last = (_date(f(getattr(scan, which) for scan in scans))
+        first, last = (date_of(f(getattr(scan, which) for scan in scans))
                        for f, which in ((min, 'first_ns'), (max, 'last_ns')))
         geometry, bbox = footprint(self._corners([s.footprint_m for s in scans]))
         return self._stac.Item(
@@ -232,11 +233,6 @@ class _Items:
 
 def _relative(path: Path, folder: Path) -> str:
     return Path(os.path.relpath(path, folder)).as_posix()
-
-
-def _date(stamp_ns: int) -> datetime.datetime:
-    return (datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
-            + datetime.timedelta(microseconds=stamp_ns // 1000))
 
 
 PICTURE, REPORT = 'mosaic.png', 'report.html'

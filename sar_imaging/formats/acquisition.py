@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import datetime
 from collections.abc import Iterable
 
 import numpy as np
@@ -13,8 +14,14 @@ from ..imaging.image import Image
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 
+EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
 _POLARISATIONS = ('V', 'H', 'X', 'Y', 'RHC', 'LHC')
 UNKNOWN = 'UNKNOWN'
+
+
+def date_of(stamp_ns: int) -> datetime.datetime:
+    """Date, UTC, of nanoseconds since 1970; what is below a microsecond is left out."""
+    return EPOCH + datetime.timedelta(microseconds=int(stamp_ns) // 1000)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import json
 import os
 import pathlib
@@ -14,7 +13,7 @@ from ..files import replacing
 from ..geometry.earth import Datum
 from ..geometry.track import main_axis, side_of
 from ..imaging.image import Image
-from .acquisition import UNKNOWN, Acquisition
+from .acquisition import UNKNOWN, Acquisition, date_of
 from .extras import require
 from .quicklook import image_corners
 from .sicd.grid import sicd_axes, support
@@ -87,7 +86,7 @@ def write_stac_item(path: os.PathLike | str, image: Image, datum: Datum,
     path = pathlib.Path(path).absolute()
     if not assets:
         raise ValueError('assets is empty; expected at least one file of the image')
-    times = [_date(acquisition.stamp_ns[i]) for i in (0, acquisition.n_pulses // 2, -1)]
+    times = [date_of(acquisition.stamp_ns[i]) for i in (0, acquisition.n_pulses // 2, -1)]
     geometry, bbox = footprint(image_corners(image.grid, datum))
     item = pystac.Item(
         id=name or path.stem, geometry=geometry, bbox=bbox, datetime=times[1],
@@ -107,11 +106,6 @@ def write_stac_item(path: os.PathLike | str, image: Image, datum: Datum,
     with replacing(path) as part:
         part.write_text(json.dumps(item.to_dict(include_self_link=False), indent=1) + '\n')
     return item
-
-
-def _date(stamp_ns) -> datetime.datetime:
-    return (datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
-            + datetime.timedelta(microseconds=int(stamp_ns) // 1000))
 
 
 def _properties(image: Image, acquisition: Acquisition) -> dict:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 import datetime
 
+from ..acquisition import EPOCH, UNKNOWN
 from .container import Container, CphdError
 
-UNKNOWN = 'UNKNOWN'
 MODES = ('SPOTLIGHT', 'STRIPMAP', 'DYNAMIC STRIPMAP')
 COLLECT_TYPES = ('MONOSTATIC', 'BISTATIC')
 POLARISATIONS = ('X', 'Y', 'V', 'H', 'S', 'E', 'RHC', 'LHC', 'UNSPECIFIED')
-_EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -141,10 +140,5 @@ def read_start_ns(container: Container) -> int:
         raise CphdError(f'{container.path}: CollectionStart is {text[:40]!r}: {error}') from error
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=datetime.timezone.utc)
-    seconds = (moment - _EPOCH) // datetime.timedelta(seconds=1)
+    seconds = (moment - EPOCH) // datetime.timedelta(seconds=1)
     return seconds * 10**9 + int((digits + 9 * '0')[:9])
-
-
-def start_of(start_ns: int) -> datetime.datetime:
-    """CollectionStart of a time that is a whole second."""
-    return _EPOCH + datetime.timedelta(seconds=start_ns // 10**9)

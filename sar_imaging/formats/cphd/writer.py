@@ -24,9 +24,10 @@ from ...geometry.illumination import AntennaPattern, Pointing
 from ...signal.pulses import PulseBlock
 from ...signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from ...signal.range_compression import RangeCompressor
+from ..acquisition import date_of
 from ..extras import require
 from .antennas.writing import OF_CHANNEL, PARAMETERS, TABLE, WrittenAntenna
-from .collection import Collection, start_of
+from .collection import Collection
 from .container import PURPOSE, CphdError
 from .phase_history import UNTURNED_CYCLES, encode, full_scale, ramp
 from .vectors import NORMAL
@@ -270,7 +271,7 @@ def _collection(collection: Collection, pulses: Pulses) -> dict:
 
 def _global(pulses: Pulses, vectors: np.ndarray, sign: int) -> dict:
     return {'DomainType': pulses.domain, 'SGN': f'{sign:+d}',
-            'Timeline': {'CollectionStart': start_of(pulses.start_ns),
+            'Timeline': {'CollectionStart': date_of(pulses.start_ns),
                          'TxTime1': vectors['TxTime'].min(), 'TxTime2': vectors['TxTime'].max()},
             'FxBand': {'FxMin': vectors['FX1'].min(), 'FxMax': vectors['FX2'].max()},
             'TOASwath': {'TOAMin': vectors['TOA1'].min(), 'TOAMax': vectors['TOA2'].max()}}

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...geometry.earth import Datum
 from ...signal.radar import SPEED_OF_LIGHT
-from ..acquisition import Acquisition
+from ..acquisition import EPOCH, Acquisition, date_of
 
 _WANTED_M = 1e-4  # residual at which a higher order is not worth its coefficients
 _HIGHEST_ORDER = 9
@@ -90,7 +90,7 @@ def fit_track(acquisition: Acquisition, datum: Datum, scene_m) -> Track:
     if not speed * (last - first) * 1e-9 > 1e-6:
         raise ValueError('the radar does not move: SICD describes images by the direction of '
                          'flight; write a GeoTIFF')
-    return Track(_date(start_ns), pulse_s, pulse_s[-1] + interval_s, float(middle_s),
+    return Track(date_of(start_ns), pulse_s, pulse_s[-1] + interval_s, float(middle_s),
                  *(fit for fit, _ in fits), max(error for _, error in used), bool(bistatic))
 
 
@@ -101,14 +101,9 @@ def evaluate(coefficients: np.ndarray, times_s) -> np.ndarray:
 
 def stamp_of(start: datetime.datetime, seconds) -> np.ndarray:
     """int64 nanoseconds since 1970 of times since a date."""
-    since = start - datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
+    since = start - EPOCH
     whole = (since.days * 86400 + since.seconds) * 10**9 + since.microseconds * 1000
     return whole + np.rint(np.asarray(seconds) * 1e9).astype(np.int64)
-
-
-def _date(stamp_ns: int) -> datetime.datetime:
-    return (datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
-            + datetime.timedelta(microseconds=stamp_ns // _MICROSECOND))
 
 
 def _fit(times_s, places_m) -> tuple[np.ndarray, float]:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import datetime
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 
 from ...files import reading
 from ...formats import require
+from ...formats.acquisition import date_of
 from ...formats.cphd import CphdReader
 from ...formats.sicd.container import SicdContainer
 from ...formats.sicd.reader import Fields
@@ -27,7 +27,6 @@ from ...signal.radar import RadarParameters, Waveform
 from ..program import main_of
 
 _LABEL_WIDTH = 14
-_EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
 _UNITS = ((1e9, 'GB'), (1e6, 'MB'), (1e3, 'kB'))
 
 
@@ -182,8 +181,8 @@ def _joined(*texts: str | None) -> str:
 
 
 def _when(first_ns: int, last_ns: int) -> str:
-    start = _EPOCH + datetime.timedelta(microseconds=int(first_ns) // 1000)
-    return f'{start:%Y-%m-%d %H:%M:%S} UTC, {(int(last_ns) - int(first_ns)) * 1e-9:.3g} s'
+    seconds = (int(last_ns) - int(first_ns)) * 1e-9
+    return f'{date_of(first_ns):%Y-%m-%d %H:%M:%S} UTC, {seconds:.3g} s'
 
 
 def _datum(datum: Datum) -> str:
