@@ -8,10 +8,8 @@ import math
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from sar_imaging.configuration.scene_grid import GridChoice
-from sar_imaging.files import replacing
 from sar_imaging.geometry.illumination import Illumination
 from sar_imaging.imaging.image import Image
 from sar_imaging.radiometry import (
@@ -62,10 +60,11 @@ def constant_of(arguments: argparse.Namespace) -> RadarConstant | None:
 def respond(source: PulseSource, choice: GridChoice) -> ImageResponse:
     """Response of an image of all pulses of a source, weighed by its antenna as the image is."""
     looks = pointing_of(source)
-    lit = None if looks is None else Illumination.of_pulses(source.illumination, looks,
-                                                            source.tx_m, source.rx_m)
-    return image_response(choice.grid, source.radar, source.tx_m, source.rx_m, illumination=lit,
-                          weighted=lit is not None, weighting=source.window)
+    illumination = None if looks is None else Illumination.of_pulses(
+        source.illumination, looks, source.tx_m, source.rx_m)
+    return image_response(choice.grid, source.radar, source.tx_m, source.rx_m,
+                          illumination=illumination, weighted=illumination is not None,
+                          weighting=source.window)
 
 
 def calibrate_image(response: ImageResponse, image: Image, quantity: str,
@@ -98,15 +97,3 @@ def calibrate_volume(source: PulseSource, image: Image, constant: RadarConstant
 
 def _decibels(power: float) -> float | None:
     return round(10 * math.log10(power), 3) if power > 0 else None
-
-
-def write_constant(path: Path, constant: RadarConstant, source: PulseSource, reflector_m,
-                   cross_section_m2: float) -> None:
-    """Write a radar constant with where it comes from; folders are made."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as part:
-        part.write_text(yaml.safe_dump({
-            'gain_m': constant.gain, 'noise_power': constant.noise_power,
-            'measured_in': str(source.path), 'reflector_m': [float(v) for v in reflector_m],
-            'cross_section_m2': float(cross_section_m2),
-            'carrier_hz': float(source.radar.carrier_hz)}, sort_keys=False))

@@ -29,7 +29,12 @@ from sar_imaging.quality import focus_figure, measure_scatterer
 from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
 
 from ...formats.report import Section, write_report
-from ...recordings.pulse_source import PulseSource, SourceError, lit_acquisition, open_pulses
+from ...recordings.pulse_source import (
+    PulseSource,
+    SourceError,
+    acquisition_with_antenna,
+    open_pulses,
+)
 from ..arguments import add_pulses, datum_of
 from ..plots import save_image_png
 from ..program import command_parser, main_of
@@ -145,7 +150,7 @@ def write_products(folder: Path, formats: Sequence[str], source: PulseSource, ch
         write_geotiff(files['geotiff'], image, source.datum)
         written.append(FILES['geotiff'])
     if 'sicd' in files:
-        write_sicd(files['sicd'], image, source.datum, lit_acquisition(source),
+        write_sicd(files['sicd'], image, source.datum, acquisition_with_antenna(source),
                    classification=source.collection.classification, **calibration)
         written.append(FILES['sicd'])
     if 'kml' in files:

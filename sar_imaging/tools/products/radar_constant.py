@@ -11,8 +11,10 @@ import math
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from sar_imaging.configuration.scene_grid import GridChoice, choose_grid
+from sar_imaging.files import replacing
 from sar_imaging.quality import measure_scatterer
 from sar_imaging.radiometry import RadarConstant, noise_power, trihedral_cross_section_m2
 
@@ -20,7 +22,7 @@ from ...recordings.pulse_source import PulseSource, SourceError, open_pulses
 from ..arguments import add_aperture, add_memory, add_pulses, memory_bytes
 from ..program import command_parser, main_of
 from . import forming
-from .brightness import respond, write_constant
+from .brightness import respond
 
 _CELLS = 32.0  # resolution cells along a side of the image of the reflector
 _CUT_CELLS = 6.0
@@ -68,6 +70,18 @@ def run(arguments: argparse.Namespace) -> str:
     return (f'gain {constant.gain:.6g} from a reflector of {size:.4g} m^2 '
             f'({10 * math.log10(size):.1f} dB), noise power at most {constant.noise_power:.3g} in '
             f'a sample of the range profiles\nwritten to {arguments.output}')
+
+
+def write_constant(path: Path, constant: RadarConstant, source: PulseSource, reflector_m,
+                   cross_section_m2: float) -> None:
+    """Write a radar constant with where it comes from; folders are made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as part:
+        part.write_text(yaml.safe_dump({
+            'gain_m': constant.gain, 'noise_power': constant.noise_power,
+            'measured_in': str(source.path), 'reflector_m': [float(v) for v in reflector_m],
+            'cross_section_m2': float(cross_section_m2),
+            'carrier_hz': float(source.radar.carrier_hz)}, sort_keys=False))
 
 
 def measure_constant(source: PulseSource, reflector_m, cross_section_m2: float,
