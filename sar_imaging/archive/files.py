@@ -28,7 +28,7 @@ from ..planning.costs import DEFAULT, using
 from ..radiometry import QUANTITIES, BrightnessScale, KnotResponse
 from ..recordings.pulse_source import (
     PulseSource as Source,
-    lit_acquisition,
+    acquisition_with_antenna,
     open_pulses,
     pointing_of,
 )
@@ -137,7 +137,7 @@ def write_sicd_image(piece: ProductPiece, job: Job, output: Path) -> PieceResult
     datum = scan.datum or job.datum
     source = open_pulses(scan.path, aperture=scan.aperture, datum=scan.datum)
     looks = pointing_of(source)
-    acquisition = lit_acquisition(source, looks)
+    acquisition = acquisition_with_antenna(source, looks)
     grid = _grid(scan, job, acquisition, datum)
     room = room_bytes(job)
     if SICD_BYTES * np.prod(grid.shape) > room:

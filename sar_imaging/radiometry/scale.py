@@ -90,13 +90,13 @@ class KnotResponse:
         """
         some = some_pulses(*tx_m.shape[:2])
         tx_m, rx_m, each = tx_m[some], rx_m[some], tx_m.shape[0] / len(some)
-        lit = illumination_of_some(pattern, pointing, some, tx_m, rx_m)
+        illumination = illumination_of_some(pattern, pointing, some, tx_m, rx_m)
         rows, columns = (np.arange(n) if isinstance(grid, TerrainGrid) else
                          np.unique(np.linspace(0, n - 1, min(n, _KNOTS)).round().astype(int))
                          for n in grid.shape)
         places = grid if isinstance(grid, TerrainGrid) else _Knots(grid, rows, columns)
-        found = image_response(places, radar, tx_m, rx_m, illumination=lit,
-                               weighted=lit is not None, weighting=weighting,
+        found = image_response(places, radar, tx_m, rx_m, illumination=illumination,
+                               weighted=illumination is not None, weighting=weighting,
                                pulse_weights=np.full(len(some), each))
         # The noise of one pulse in place of k has k times the power of that of k.
         return cls(dataclasses.replace(found, noise_gain=found.noise_gain / each), rows, columns)
@@ -256,9 +256,10 @@ def volume_scale(grid: VolumeGrid, tx_m: np.ndarray, rx_m: np.ndarray, constant:
     points = grid.positions(*np.ix_(*knots))
     some = some_pulses(*tx_m.shape[:2])
     tx_m, rx_m, each = tx_m[some], rx_m[some], tx_m.shape[0] / len(some)
-    lit = illumination_of_some(pattern, pointing, some, tx_m, rx_m)
+    illumination = illumination_of_some(pattern, pointing, some, tx_m, rx_m)
     weights = np.full(len(some), each)
-    sums = np.stack([echo_sums(line, tx_m, rx_m, weights, lit, lit is not None)[:2]
+    sums = np.stack([echo_sums(line, tx_m, rx_m, weights, illumination,
+                               illumination is not None)[:2]
                      for layer in points for line in layer], axis=1)
     amplitude, noise = sums.reshape(2, *points.shape[:-1])
     dark = amplitude <= DIM * amplitude.max()

@@ -46,22 +46,22 @@ def odometry_messages(poses: PoseTable) -> Iterator[tuple[int, bytes]]:
     types = message_types().types
     odometry, header = types[ODOMETRY_TYPE], types['std_msgs/msg/Header']
     time, point = types['builtin_interfaces/msg/Time'], types['geometry_msgs/msg/Point']
-    rotation = types['geometry_msgs/msg/Quaternion']
+    quaternion = types['geometry_msgs/msg/Quaternion']
     pose = types['geometry_msgs/msg/Pose']
     vector = types['geometry_msgs/msg/Vector3']
     still = types['geometry_msgs/msg/Twist'](linear=vector(x=0.0, y=0.0, z=0.0),
                                              angular=vector(x=0.0, y=0.0, z=0.0))
     unknown = np.zeros(36)
     twist = types['geometry_msgs/msg/TwistWithCovariance'](twist=still, covariance=unknown)
-    for stamp, place, turn in zip(poses.stamp_ns.tolist(), poses.position_m.tolist(),
-                                  poses.quaternion.tolist(), strict=True):
+    for stamp, place, rotation in zip(poses.stamp_ns.tolist(), poses.position_m.tolist(),
+                                      poses.quaternion.tolist(), strict=True):
         message = odometry(
             header=header(stamp=time(sec=stamp // 10**9, nanosec=stamp % 10**9),
                           frame_id=poses.frame_id),
             child_frame_id=poses.child_frame_id,
             pose=types['geometry_msgs/msg/PoseWithCovariance'](
                 pose=pose(position=point(**dict(zip('xyz', place, strict=True))),
-                          orientation=rotation(**dict(zip('xyzw', turn, strict=True)))),
+                          orientation=quaternion(**dict(zip('xyzw', rotation, strict=True)))),
                 covariance=unknown),
             twist=twist)
         yield stamp, bytes(message_types().serialize_cdr(message, ODOMETRY_TYPE))
@@ -73,11 +73,11 @@ def pose_table(messages: Iterable[tuple[object, str]]) -> PoseTable:
     for message, kind in messages:
         pose = operator.attrgetter(POSE_TYPES[kind])(message)
         place = getattr(pose, 'position', None) or pose.translation
-        turn = getattr(pose, 'orientation', None) or pose.rotation
+        rotation = getattr(pose, 'orientation', None) or pose.rotation
         at = message.header.stamp
         stamp.append(at.sec * 10**9 + at.nanosec)
         position.append([place.x, place.y, place.z])
-        quaternion.append([turn.x, turn.y, turn.z, turn.w])
+        quaternion.append([rotation.x, rotation.y, rotation.z, rotation.w])
     return PoseTable(np.array(stamp, np.int64), np.array(position, float).reshape(-1, 3),
                      np.array(quaternion, float).reshape(-1, 4))
 

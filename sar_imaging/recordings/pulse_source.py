@@ -452,7 +452,7 @@ def _chunks(blocks: Iterator[PulseBlock], n_bytes: float) -> Iterator[PulseBlock
         yield concatenate(waiting)
 
 
-def lit_acquisition(source: PulseSource, looks: Pointing | None = None) -> Acquisition:
+def acquisition_with_antenna(source: PulseSource, looks: Pointing | None = None) -> Acquisition:
     """Acquisition of a source, with its antenna where the file tells one.
 
     `looks` is what `pointing_of` said, where that was asked before.

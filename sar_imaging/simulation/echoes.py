@@ -254,8 +254,8 @@ class EchoSimulator:
             wrong delay.
         """
         if illumination is not None:
-            lit = illumination.amplitude(self._points_m).reshape(*tx_m.shape[:2], -1)
-            return self._samples(tx_m, rx_m, self._amplitudes * lit)
+            two_way = illumination.amplitude(self._points_m).reshape(*tx_m.shape[:2], -1)
+            return self._samples(tx_m, rx_m, self._amplitudes * two_way)
         if self._amplitudes.size < DENSE:
             return self._samples(tx_m, rx_m)
         # One by one: the delays of a block would be gigabytes.

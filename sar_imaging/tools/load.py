@@ -150,8 +150,8 @@ def _out_of_reach(block: PulseBlock, grid: MapGrid) -> tuple[str, ...]:
 def _dark(block: PulseBlock, grid: MapGrid, pattern: AntennaPattern) -> tuple[str, ...]:
     rows, columns = (np.unique(np.linspace(0, n - 1, _SIDE).astype(int)) for n in grid.shape)
     places = grid.positions(rows[:, None], columns).reshape(-1, 3)
-    lit = Illumination.of_pulses(pattern, block.pointing, block.tx_m, block.rx_m)
-    if lit.amplitude(places).any():
+    illumination = Illumination.of_pulses(pattern, block.pointing, block.tx_m, block.rx_m)
+    if illumination.amplitude(places).any():
         return ()
     looks = block.pointing.boresight[0].round(2) + 0.0  # no -0.00
     return ('the antenna never looks at the scene, whose image would be empty: at the first pulse '

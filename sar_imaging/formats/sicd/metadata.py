@@ -104,7 +104,7 @@ def antenna_element(own: TwoWayAntenna, carrier_hz: float) -> dict:
 _KNOTS = 33  # along a side of the image
 _HIGHEST_ORDER = 6
 _WANTED_DB, _LARGEST_DB = 0.002, 0.05  # residual at which to stop, and above which to refuse
-_LIT = 0.1  # of the largest amplitude: what is darker is not fitted
+_BRIGHT = 0.1  # of the largest amplitude: what is darker is not fitted
 _NAMES = {'rcs': 'RCSSFPoly', 'sigma0': 'SigmaZeroSFPoly', 'beta0': 'BetaZeroSFPoly',
           'gamma0': 'GammaZeroSFPoly'}
 
@@ -167,7 +167,7 @@ def radiometric(image: Image, layout: Layout, response: ImageResponse | KnotResp
         noise = noise * unit[told.quantity]
         unit = {name: value / unit[told.quantity] for name, value in unit.items()}
     fit = _Fit(layout, image.grid.positions(*index)
-               - layout.scp_m, some.amplitude > _LIT * np.nanmax(some.amplitude))
+               - layout.scp_m, some.amplitude > _BRIGHT * np.nanmax(some.amplitude))
     factors = {name: fit(value / stored) for name, value in unit.items()}
     known = np.isfinite(constant.noise_power) and constant.noise_power > 0
     noise_db = fit.decibels(10 * np.log10(noise * stored)) if known else None
@@ -192,20 +192,20 @@ def _knots(response: ImageResponse | KnotResponse) -> tuple[ImageResponse, tuple
 class _Fit:
     """Fits polynomials of as low an order as leaves 0.002 dB; keeps the largest residual."""
 
-    def __init__(self, layout: Layout, offset_m: np.ndarray, lit: np.ndarray):
-        self._lit = lit
-        places = offset_m[lit] @ layout.axes.T
+    def __init__(self, layout: Layout, offset_m: np.ndarray, bright: np.ndarray):
+        self._bright = bright
+        places = offset_m[bright] @ layout.axes.T
         self._scales = np.maximum(np.abs(places).max(axis=0), 1e-3)
         self._places = places / self._scales
         self.residual_db = 0.0
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """(n, n) coefficients for positive values, whose relative error counts."""
-        return self._fitted(values[self._lit], relative=True)
+        return self._fitted(values[self._bright], relative=True)
 
     def decibels(self, values: np.ndarray) -> np.ndarray:
         """(n, n) coefficients for values in dB."""
-        return self._fitted(values[self._lit], relative=False)
+        return self._fitted(values[self._bright], relative=False)
 
     def _fitted(self, values: np.ndarray, *, relative: bool) -> np.ndarray:
         for order in range(_HIGHEST_ORDER + 1):

@@ -80,8 +80,8 @@ def clutter() -> Clutter:
     power_db = np.concatenate([level for _, level in parts])
     seen = transmission(points, _TRACK_M, [_HALL, _HOUSE, *cars], crowns, _LOSS_DB_PER_M)
     amplitudes = 10 ** (power_db / 20) * seen * complex_gaussian(_SEED, _SCENE, len(points))
-    lit = seen > 0.01  # 40 dB
-    return Clutter(points[lit], amplitudes[lit])
+    bright = seen > 0.01  # 40 dB
+    return Clutter(points[bright], amplitudes[bright])
 
 
 def _uniform(stream: int, n: int) -> np.ndarray:

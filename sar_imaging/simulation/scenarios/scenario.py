@@ -169,12 +169,13 @@ class Scenario:
         simulator = EchoSimulator(self.radar, self.n_samples, compressed=self.compressed,
                                   points_m=points, amplitudes=amplitudes)
         tx_m, rx_m = self.phase_centres()
-        pointing, lit = self._lit(tx_m, rx_m)
+        pointing, illumination = self._illumination(tx_m, rx_m)
         stamps_ns, times_s = self.stamps_ns(), self.times_s()
         for first in range(0, self.n_pulses, pulses_per_block):
             counter = np.arange(first, min(first + pulses_per_block, self.n_pulses))
-            samples = simulator(tx_m[counter], rx_m[counter],
-                                lit and lit.select(_echoes(counter, self.n_channels)))
+            samples = simulator(
+                tx_m[counter], rx_m[counter],
+                illumination and illumination.select(_echoes(counter, self.n_channels)))
             if self.movers:
                 samples += mover_echoes(
                     self.movers, self.radar, self.n_samples, compressed=self.compressed,
@@ -188,7 +189,7 @@ class Scenario:
                              tx_m[counter], rx_m[counter],
                              pointing=pointing and pointing.select(counter))
 
-    def _lit(self, tx_m, rx_m) -> tuple[Pointing | None, Illumination | None]:
+    def _illumination(self, tx_m, rx_m) -> tuple[Pointing | None, Illumination | None]:
         """Where the antenna looks at each pulse, and the illumination of all echoes."""
         if self.antenna is None:
             return None, None

@@ -268,10 +268,10 @@ def _departure_db(sides: list[_Side]) -> float:
         x, y = (np.linspace(c[0], c[-1], 65) for c in side.cosines)
         column, row = (side.gain_db(*_on_axis(part, axis)) for axis, part in enumerate((x, y)))
         middle = float(side.gain_db(np.zeros(1), np.zeros(1))[0])
-        lit = [part[values > middle + _LOBE_DB] for part, values in ((x, column), (y, row))]
-        if min(map(len, lit)) < 3:
+        lobes = [part[values > middle + _LOBE_DB] for part, values in ((x, column), (y, row))]
+        if min(map(len, lobes)) < 3:
             continue
-        places = np.meshgrid(*lit, indexing='ij')
+        places = np.meshgrid(*lobes, indexing='ij')
         real = places[0] ** 2 + places[1] ** 2 < 0.9
         # elevation is counted within the plane of boresight and up
         elevation = places[1][real] / np.sqrt(1 - places[0][real] ** 2)
