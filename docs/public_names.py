@@ -49,6 +49,7 @@ MODULES = {
         'DatumSearch', 'Fix', 'FixPoses', 'FoundDatum', 'FramePose', 'datum_through'),
     'sar_imaging.geometry.poses': ('PoseTrack',),
     'sar_imaging.geometry.terrain': ('Terrain',),
+    'sar_imaging.imaging.checks': ('check_method',),
     'sar_imaging.imaging.correlation': ('correlate', 'correlate_profiles'),
     'sar_imaging.imaging.image': ('Report',),
     'sar_imaging.imaging.methods': ('Method',),

@@ -67,16 +67,14 @@ class Scene:
         """``sum_r w_r(x) sum_k S_rk exp(+j 2 pi f_k tau_r(x))`` at points (..., 3), complex128.
 
         Spectra are multiplied by `factors`, (P, C, K) or what is broadcast to it. w is 1, or with
-        `lit` the amplitude of `PATTERN`. The sum over frequencies is that of Horner.
+        `lit` the amplitude of `PATTERN`.
         """
         rows = (self.spectra * factors).reshape(-1, len(self.frequencies_hz))
         step_hz = self.frequencies_hz[1] - self.frequencies_hz[0]
         image = np.zeros(points_m.shape[:-1], complex)
         for row, tx, rx in zip(rows, *self.echoes[1:], strict=True):
             tau = sum(np.linalg.norm(points_m - a, axis=-1) for a in (tx, rx)) / SPEED_OF_LIGHT
-            turn, series = np.exp(2j * np.pi * step_hz * tau), np.zeros(tau.shape, complex)
-            for value in row[::-1]:
-                series = series * turn + value
+            series = np.polyval(row[::-1], np.exp(2j * np.pi * step_hz * tau))
             series *= np.exp(2j * np.pi * np.mod(self.frequencies_hz[0] * tau, 1.0))
             if lit:
                 offset = points_m - 0.5 * (tx + rx)

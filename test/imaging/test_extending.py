@@ -11,10 +11,13 @@ import numpy as np
 import pytest
 
 from sar_imaging.backends import backend, reference
-from sar_imaging.geometry.illumination import AntennaPattern, PatternCut, Pointing
+from sar_imaging.backends.checks import BACKEND_CHECKS
+from sar_imaging.geometry.illumination import AntennaPattern, PatternCut
+from sar_imaging.imaging.checks import METHOD_CHECKS
+from sar_imaging.imaging.correlation import correlate, correlate_profiles
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.imaging.methods import METHODS, Method
-from sar_imaging.quality import error_db
+from sar_imaging.signal.spectra import band_spectrum
 
 PAGE = pathlib.Path(__file__).parents[2] / 'docs' / 'extending.md'
 
@@ -38,40 +41,12 @@ def test_the_method_of_the_page_is_as_good_as_it_says(names):
     assert 'nearest-sample' in str(report) and 'nearest-sample' not in METHODS
 
 
-def test_options_reach_a_method_of_ones_own(names):
-    """Channels, weights and accumulation are done around it."""
-    profiles, grid = names['profiles'], names['grid']
-    args = grid, profiles.radar, profiles.n_samples
-    single = plan_image(*args, method=names['NearestSample'], per_channel=True)(profiles)
-    assert single.shape == (profiles.n_channels, *grid.shape)
-    whole = names['image'].samples
-    np.testing.assert_allclose(single.samples.sum(axis=0), whole, atol=1e-5 * np.abs(whole).max())
-    imager = plan_image(*args, method=names['NearestSample'])
-    image = imager(profiles.select(slice(0, 20)))
-    imager.accumulate(profiles.select(slice(20, None)), image)
-    np.testing.assert_allclose(image.samples, whole, atol=1e-5 * np.abs(whole).max())
-    with pytest.raises(ValueError, match="use 'exact' on terrain"):
-        plan_image(*args, method=names['NearestSample'], height_m=np.zeros(grid.shape))(profiles)
-
-
-def test_the_method_of_phase_histories(names):
-    """It owes window and scale of range compression, heights and amplitudes of the antenna."""
+def test_the_page_tells_what_is_found(names):
     assert names['error'] < -130.0
-    method, history, grid = (names[n] for n in ('FrequencyByFrequency', 'history', 'grid'))
-    args = history.radar, history.n_samples
-    heights = np.linspace(-1.0, 1.0, grid.n_x) * np.ones(grid.shape)
-    heights[:2] = np.nan
-    pattern = AntennaPattern(PatternCut.sinc(0.006), PatternCut.gaussian(0.5))
-    lit = dataclasses.replace(history, pointing=Pointing.beside_track(
-        history.phase_centre_m, -1, 0.0, 0.0))
-    for block, options in ((history, {'height_m': heights}), (lit, {'illumination': pattern})):
-        found, wanted = (plan_image(grid, *args, compressed=False, method=m, target_db=-90.0,
-                                    **options)(block) for m in (method, 'exact'))
-        assert found.samples.any() and not np.isnan(found.samples).any()
-        assert error_db(found, wanted) < -80.0
-    with pytest.raises(ValueError, match="compressed=False; use 'exact' for range profiles"):
-        plan_image(grid, names['profiles'].radar, names['profiles'].n_samples,
-                   method=method)(names['profiles'])
+    missing = [[told.split(':')[0] for told in names[of] if 'not offered' in told]
+               for of in ('of_the_method', 'of_the_other')]
+    assert missing == [['phase histories', 'terrain', 'illumination', 'backends'], ['backends']]
+    assert len(names['of_the_backend']) == len(BACKEND_CHECKS)
 
 
 @pytest.mark.parametrize(('name', 'options', 'message'), [
@@ -87,6 +62,69 @@ def test_what_a_method_does_not_say_is_refused(names, name, options, message):
                    **options)
 
 
+class Right(Method):
+    """Correlation, which lacks nothing."""
+
+    NAME = 'right'
+
+    def plan(self, tx_m, rx_m):
+        return self.describe(predicted_error_db=-120.0)
+
+    def form(self, block):
+        values, _ = correlate_profiles(block, np.nan_to_num(self.grid.points()).reshape(-1, 3))
+        return values.astype(np.complex64).reshape(self.grid.shape)
+
+
+def _spoils(self, block):
+    found = Right.form(self, block)
+    block.samples[0] = 0
+    return found
+
+
+def _unscaled(self, block):
+    frequencies_hz, spectra = band_spectrum(block)
+    return correlate(frequencies_hz, spectra, block.tx_m, block.rx_m,
+                     self.grid.points()).astype(np.complex64)
+
+
+def _late(self, block):
+    first, _ = self.first = getattr(self, 'first', (block.tx_m, None))
+    n = min(len(first), block.n_pulses)
+    return Right.form(self, dataclasses.replace(block.select(slice(0, n)), tx_m=first[:n]))
+
+
+@pytest.mark.parametrize(('attributes', 'title', 'words'), [
+    ({'OWN': {'weights': 1}}, 'class', 'got weights, which plan_image takes itself'),
+    ({'OWN': ('denser',)}, 'class', r"mapping, got \('denser',\)"),
+    ({'TERRAIN': None}, 'class', 'expected TERRAIN=True or False, got None'),
+    ({'form': Method.form}, 'class', r'form\(block\), got none; write it'),
+    ({'plan': Method.plan}, 'class', r'plan\(tx_m, rx_m\), got none; write it'),
+    ({'plan': lambda self, *centres: self.describe()}, 'targets', 'got None; return self'),
+    ({'plan': lambda self, *centres: self.describe(predicted_error_db=-np.inf)}, 'targets',
+     'predict -200 dB'),
+    ({'form': lambda self, block: Right.form(self, block) * 1.1}, 'targets',
+     r'at most -117.0 dB .* got -20.0 dB; multiplied by 0.909'),
+    ({'form': lambda self, block: Right.form(self, block)[1:]}, 'targets',
+     r'expected a complex image of shape \(40, 48\), got complex64 \(39, 48\)'),
+    ({'form': lambda self, block: Right.form(self, block).astype(complex)}, 'targets',
+     'expected complex64, got complex128; end `form`'),
+    ({'form': _spoils}, 'targets', 'work on a copy'),
+    ({'form': _late}, 'pulses from other places', 'against time-domain correlation'),
+    ({'image': lambda self, block, onto=None: (Right.form(self, block), self.report)},
+     'images that grow', '0 everywhere: add echoes to the image in place'),
+    ({'image': lambda self, block, onto=None: (self.form(block), self.report)},
+     'channels and windows', '0 everywhere'),
+    ({'TERRAIN': True}, 'terrain', 'expected 0 where no height is known'),
+    ({'ILLUMINATION': True}, 'illumination', 'multiply what echo r adds'),
+    ({'BACKENDS': True}, 'backends', 'use self.options.backend'),
+    ({'PHASE_HISTORIES': True, 'form': _unscaled}, 'phase histories', 'the scale of range')])
+def test_what_is_wrong_with_a_method_is_told(attributes, title, words):
+    method = type('Wrong', (Right,), attributes)
+    METHOD_CHECKS[title](Right, {})
+    with pytest.raises(ValueError, match=words):
+        METHOD_CHECKS[title](method, {})
+
+
 def test_blocks_are_checked_before_a_method_gets_them(names):
     profiles, grid = names['profiles'], names['grid']
     imager = plan_image(grid, profiles.radar, profiles.n_samples, method=names['NearestSample'])
@@ -100,8 +138,8 @@ def test_blocks_are_checked_before_a_method_gets_them(names):
 
 def test_the_backend_of_the_page_forms_the_image(names):
     # linear interpolation of band-limited noise: (2 pi F)^4 / 120 on average, F^4 = b^4 / 80
-    # with b = 0.75 / 16 cycles per step
-    expected_db = 10 * np.log10((2 * np.pi * 0.75 / 16) ** 4 / 80 / 120)
+    # with b = 0.75 / 128 cycles per step
+    expected_db = 10 * np.log10((2 * np.pi * 0.75 / 128) ** 4 / 80 / 120)
     assert names['error_db'](names['exact']) <= expected_db + 6.0  # one scatterer, not noise
     cpu = plan_image(names['grid'], names['profiles'].radar, names['profiles'].n_samples,
                      method='exact')(names['profiles'])

@@ -9,8 +9,9 @@ import pytest
 
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.imaging.afbp import Afbp
+from sar_imaging.imaging.checks import METHOD_CHECKS
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.imaging.methods import METHODS
+from sar_imaging.imaging.methods import METHODS, method_class
 from sar_imaging.planning.costs import DEFAULT, using
 from sar_imaging.signal import PulseBlock
 
@@ -35,21 +36,11 @@ def reference(case):
     return np.asarray(_imager(case, method='correlation')(case.block))
 
 
-# Targets, and errors that images may have; measured: -83, -64, -46, -53 and -41 dB.
-LIMITS_DB = {'exact': (-80.0, -80.0), 'afbp': (-60.0, -60.0), 'ffbp': (-40.0, -40.0),
-             'wavenumber': (-40.0, -40.0), 'zero-padding': (-40.0, -35.0)}
-
-
-@pytest.mark.parametrize('method', sorted(METHODS.keys() - {'correlation'}))
-def test_all_methods_form_the_same_image(case, reference, method):
-    target_db, limit_db = LIMITS_DB[method]
-    image = _imager(case, method=method, target_db=target_db)(case.block)
-    assert _error_db(image, reference) <= limit_db
-    assert image.shape == reference.shape and image.samples.dtype == np.complex64
-    assert image.report.method == method and method in str(image.report)
-    assert image.carrier_hz == case.block.radar.carrier_hz
-    predicted = image.report.predicted_error_db
-    assert predicted is None or _error_db(image, reference) <= predicted + 3.0
+@pytest.mark.parametrize('title', METHOD_CHECKS)
+@pytest.mark.parametrize('method', METHODS)
+def test_all_methods_do_what_they_say(method, title):
+    told = METHOD_CHECKS[title](method_class(method), {})
+    assert ('refused' in told) == (method == 'wavenumber' and title == 'a bent track')
 
 
 def test_auto_takes_the_quicker_one_that_meets_the_target(case, reference):
@@ -132,24 +123,12 @@ def test_missing_pulses_are_those_between_the_first_and_the_last(case):
 
 
 @pytest.mark.parametrize('method', ['exact', 'afbp', 'ffbp'])
-def test_options_mean_the_same_with_all_methods(make_case, method):
+def test_both_phase_centres_are_their_mean_if_wanted(make_case, method):
     case = make_case(1e3, pulses=96, channels=3)
-    block, weights = case.block, np.array([1.0, 0.5j, -2.0])
-
-    def image(**options):
-        return np.asarray(_imager(case, method=method, **options)(block))
-
-    each = image(per_channel=True)
-    assert each.shape == (3, *case.grid.shape)
-    assert _error_db(each.sum(axis=0), image()) <= -60.0
-    assert _error_db(np.tensordot(weights, each, 1), image(weights=weights)) <= -60.0
-    middles = 0.5 * (block.tx_m + block.rx_m)
-    moved = dataclasses.replace(block, tx_m=middles, rx_m=middles)
-    np.testing.assert_array_equal(image(midpoint=True), _imager(case, method=method)(moved))
-    window = np.hanning(96)
-    scaled = dataclasses.replace(block, samples=block.samples * window[:, None, None])
-    assert _error_db(image(pulse_weights=window), np.asarray(
-        _imager(case, method=method)(scaled))) <= -120.0
+    middles = 0.5 * (case.block.tx_m + case.block.rx_m)
+    moved = dataclasses.replace(case.block, tx_m=middles, rx_m=middles)
+    np.testing.assert_array_equal(_imager(case, method=method, midpoint=True)(case.block),
+                                  _imager(case, method=method)(moved))
 
 
 def test_polar_grids_and_points_are_imaged_too(case):
@@ -165,23 +144,13 @@ def test_polar_grids_and_points_are_imaged_too(case):
     assert _error_db(_imager(case, points)(case.block), whole[::7, ::5]) <= -60.0
 
 
-@pytest.mark.parametrize('method', ['exact', 'afbp'])
-def test_the_reference_backend_forms_the_same_image(make_case, method):
-    case = make_case(1e3, n=48, pulses=64)
-    image, reference = (_imager(case, method=method, backend=backend)(case.block)
-                        for backend in ('cpu', 'reference'))
-    # the reference reads profiles without the error that the plan allows: -60 dB
-    assert _error_db(image, reference.samples) <= -60.0
-    assert not np.array_equal(image.samples, reference.samples)
-    with pytest.raises(ValueError, match='reference'):
-        _imager(case, method=method, backend='gpu')(case.block)
-
-
 @pytest.mark.parametrize(('options', 'message'), [
     ({'method': 'fast'}, "'exact', 'afbp'"),
     ({'method': 'afbp', 'height_m': np.zeros((96, 96))}, 'terrain'),
     ({'method': 'wavenumber', 'grid': np.zeros((4, 3))}, 'images a MapGrid'),
     ({'weights': [np.nan]}, 'finite'),
+    ({'method': 'exact', 'backend': 'gpu'}, 'reference'),
+    ({'method': 'afbp', 'backend': 'gpu'}, 'reference'),
     ({'method': 'exact', 'pulse_weights': [1.0]}, 'one for each pulse'),
 ])
 def test_what_cannot_be_done_is_refused(case, options, message):
