@@ -243,10 +243,10 @@ def open_pulses(path: Path | str, data: Path | str | None = None, *, aperture: i
     True
     """
     path, data, kind = _found(path, data)
-    if kind == CPHD:
+    if kind in _OF_ONE_APERTURE:
         if aperture is not None:
-            raise SourceError(f'{path}: --aperture is for recordings; a CPHD file has one')
-        return _cphd(path, datum)
+            raise SourceError(f'{path}: --aperture is for recordings; a {kind} file has one')
+        return _OF_ONE_APERTURE[kind](path, datum)
     with naming(path, 'cannot be used', SourceError):
         recording, blocks = _opened(path, data, kind, changes)
         warnings: list[str] = []
@@ -280,8 +280,8 @@ def open_apertures(path: Path | str, *, datum: Datum | None = None) -> list[Puls
     [0, 1]
     """
     path, data, kind = _found(path, None)
-    if kind == CPHD:
-        return [_cphd(path, datum)]
+    if kind in _OF_ONE_APERTURE:
+        return [_OF_ONE_APERTURE[kind](path, datum)]
     with naming(path, 'cannot be used', SourceError):
         recording, blocks = _opened(path, data, kind)
         length = (recording.truth or {}).get('pulses_per_aperture')
@@ -310,7 +310,7 @@ def _found(path: Path | str, data: Path | str | None) -> tuple[Path, Path | None
                 f'{error}; arrays and logs need a description, {described.name} beside them: '
                 'docs/loading.md') from error
         return described, path, DESCRIPTION
-    if kind not in (RECORDING, CPHD, DESCRIPTION):
+    if kind not in (RECORDING, DESCRIPTION, *_OF_ONE_APERTURE):
         raise SourceError(f'{path} is {kind}, an image; expected pulses: a recording, CPHD or a '
                           'description of arrays')
     if data is not None and kind != DESCRIPTION:
@@ -332,6 +332,10 @@ def _cphd(path: Path, datum: Datum | None) -> PulseSource:
             reader.stamp_ns, reader.tx_m, reader.rx_m, blocks, datum=reader.datum,
             area_m=reader.area_m, warnings=tuple(reader.warnings), collection=reader.collection,
             illumination=reader.illumination)
+
+
+#: What opens files of one aperture, by their kind: with the path, and a datum in place of theirs.
+_OF_ONE_APERTURE = {CPHD: _cphd}
 
 
 def _opened(path: Path, data: Path | None, kind: str, changes: Mapping[str, object] | None = None

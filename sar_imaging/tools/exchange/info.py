@@ -22,7 +22,7 @@ from ...formats.sicd.reader import Fields
 from ...geometry.earth import Datum
 from ...geometry.grids import MapGrid
 from ...recordings import open_pulses, read_recording
-from ...recordings.kinds import CPHD, DESCRIPTION, GEOTIFF, RECORDING, SICD, kind_of
+from ...recordings.kinds import CPHD, GEOTIFF, RECORDING, SICD, kind_of
 from ...signal.radar import RadarParameters, Waveform
 from ..program import main_of
 
@@ -75,11 +75,11 @@ def of_recording(path: Path) -> Summary:
     return Summary(tuple(rows), tuple(warnings))
 
 
-def of_description(path: Path) -> Summary:
-    """What is opened by a description of arrays; reads all of it."""
+def of_pulses(path: Path) -> Summary:
+    """What `open_pulses` tells of a file; reads all of it."""
     source = open_pulses(path)
     return Summary((
-        ('what', f'description {path.name}'),
+        ('what', f'{source.kind} {path.name}'),
         ('when', _when(source.stamp_ns.min(), source.stamp_ns.max())),
         ('where', _datum(source.datum) if source.datum else 'not stated'),
         ('radar', _radar(source.radar, compressed=source.compressed)),
@@ -223,9 +223,9 @@ def _bytes(count: int) -> str:
     return f'{count} bytes'
 
 
-#: What tells of a file of each kind.
+#: What tells of files of some kinds; `of_pulses` tells of all others.
 SUMMARIES: dict[str, Callable[[Path], Summary]] = {
-    RECORDING: of_recording, DESCRIPTION: of_description, CPHD: of_cphd, SICD: of_sicd,
+    RECORDING: of_recording, CPHD: of_cphd, SICD: of_sicd,
     GEOTIFF: of_geotiff}
 
 
@@ -241,7 +241,7 @@ def parser() -> argparse.ArgumentParser:
 
 def run(arguments: argparse.Namespace) -> str:
     """What the file tells."""
-    return str(SUMMARIES[kind_of(arguments.file)](arguments.file))
+    return str(SUMMARIES.get(kind_of(arguments.file), of_pulses)(arguments.file))
 
 
 main = main_of(parser, run)
