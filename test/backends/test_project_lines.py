@@ -5,11 +5,17 @@ import dataclasses
 import numpy as np
 from hypothesis import assume, given, settings, strategies as st
 
-from sar_imaging.backends.cpu.lines import PolarLines, line_middles, project_lines as add_lines
+from sar_imaging.backends.cpu.lines import (
+    PolarLines,
+    _project_lines,
+    line_middles,
+    project_lines as add_lines,
+)
 from sar_imaging.backends.cpu.profiles import Profiles
 from sar_imaging.backends.reference.project_lines import project_lines
 from sar_imaging.geometry.half_paths import sample_paths
 from sar_imaging.geometry.polar import PolarGrid
+from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.profiles import RangeGate, plan_resampling
 from sar_imaging.signal import SPEED_OF_LIGHT, RadarParameters
 
@@ -177,3 +183,16 @@ def test_polar_images_are_as_exact_as_predicted(seed, n_echoes, n_alpha, n_range
     # within 3.5 dB in 300 examples, 0 to 0.6 dB in the middle.
     assert error_db <= lattice.predicted_error_db + 5.0
     assert not parts[..., n_range:].any() or padding == 0
+
+
+def test_read_only_positions_need_no_kernel_of_their_own(make_case):
+    """Those of a message: the first pulses of a node would wait for the compiler."""
+    case = make_case(1000.0, n=24, pulses=8)
+    block = case.block
+    imager = plan_image(case.grid, block.radar, block.n_samples, method='exact', backend='cpu')
+    imager(block)
+    known = _project_lines.signatures
+    for centres in (block.tx_m, block.rx_m):
+        centres.flags.writeable = False
+    imager(block)
+    assert known and _project_lines.signatures == known

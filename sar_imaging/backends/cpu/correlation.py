@@ -24,6 +24,8 @@ def correlate_profiles(radar, samples, tx_m, rx_m, points_m, half: int, sharpnes
     """See `backends.protocol.Correlation`."""
     image = np.zeros(len(points_m), np.complex128)
     covered = np.ones(len(points_m), np.bool_)
+    samples = samples[:]
+    samples.flags.writeable = False  # as those of a message: one kernel for both
     _correlate_profiles(samples, tx_m, rx_m, points_m, radar.range_start_m,
                         radar.sample_spacing_m, 1 / radar.wavelength_m, half, sharpness,
                         _lit(illumination), image, covered)

@@ -233,10 +233,10 @@ def knot_positions(locate: Callable, n_lines: int, n_pixels: int, segment: int, 
     places = np.arange(2 * -(-n_pixels // segment) + 1) * half
     positions = locate(places[:, None], knots[:, None])[0]
     line = np.minimum(first + np.arange(LINES), n_lines - 1)
-    knot = np.broadcast_to(np.arange(LINES) // apart, line.shape)
+    knot = np.tile(np.arange(LINES) // apart, (n_groups, 1))
     before, after = (np.take_along_axis(knots, knot + i, axis=1) for i in (0, 1))
     between = np.where(after > before, (line - before) / np.maximum(after - before, 1), 0.0)
-    return (np.ascontiguousarray(np.moveaxis(positions, -1, 0)), np.ascontiguousarray(knot),
+    return (np.ascontiguousarray(np.moveaxis(positions, -1, 0)), knot,
             between.astype(np.float32))
 
 
