@@ -6,6 +6,10 @@ what the tree before it wrote there::
 
     python -m benchmarks.goldens write --folder out/goldens      # in the tree before
     python -m benchmarks.goldens compare --folder PATH/TO/out/goldens
+
+A new case is pinned beside the others, which stay as they are::
+
+    python -m benchmarks.goldens write NAME
 """
 
 from __future__ import annotations
@@ -69,29 +73,34 @@ def load(folder: pathlib.Path, name: str) -> tuple[np.ndarray, dict]:
     return np.load(folder / f'{name}.npy'), facts
 
 
-def write(folder: pathlib.Path) -> None:
-    """Form all images and keep them."""
+def write(folder: pathlib.Path, names=tuple(CASES)) -> None:
+    """Form images and keep them, beside those that were written before."""
     folder.mkdir(parents=True, exist_ok=True)
-    cases = {}
-    for name, case in CASES.items():
-        found, plan_seconds, image_seconds = timed(case)
+    path = folder / 'goldens.json'
+    here = machine()
+    pinned = {'machine': here, 'cases': {}}
+    if path.exists() and set(names) != set(CASES):
+        pinned = json.loads(path.read_text())
+    for name in names:
+        found, plan_seconds, image_seconds = timed(CASES[name])
         np.save(folder / f'{name}.npy', found.image)
-        cases[name] = {'predicted_error_db': found.predicted_error_db, 'plan': found.plan,
-                       'plan_ms': round(1e3 * plan_seconds, 2),
-                       'image_ms': round(1e3 * image_seconds, 2)}
-        print(f'{name:24s} {found.plan[:60]:60s} {cases[name]["image_ms"]:8.1f} ms', flush=True)
-    (folder / 'goldens.json').write_text(
-        json.dumps({'machine': machine(), 'cases': cases}, indent=1) + '\n')
+        facts = pinned['cases'][name] = {
+            'predicted_error_db': found.predicted_error_db, 'plan': found.plan,
+            'plan_ms': round(1e3 * plan_seconds, 2), 'image_ms': round(1e3 * image_seconds, 2)}
+        if pinned['machine'] != here:
+            facts['machine'] = here
+        print(f'{name:24s} {found.plan[:60]:60s} {facts["image_ms"]:8.1f} ms', flush=True)
+    path.write_text(json.dumps(pinned, indent=1) + '\n')
 
 
-def compare(folder: pathlib.Path) -> bool:
+def compare(folder: pathlib.Path, names=tuple(CASES)) -> bool:
     """Print how this tree differs; True where nothing differs by more than is allowed."""
     fine = True
     print(f'{"case":24s} {"image":>9s} {"predicted":>10s} {"plan":>6s} {"planning":>9s} '
           f'{"imaging":>8s}')
-    for name, case in CASES.items():
+    for name in names:
         golden, facts = load(folder, name)
-        found, plan_seconds, image_seconds = timed(case)
+        found, plan_seconds, image_seconds = timed(CASES[name])
         image_db = difference_db(found.image, golden)
         both = found.predicted_error_db, facts['predicted_error_db']
         predicted = 0.0 if None in both else both[0] - both[1]
@@ -107,15 +116,20 @@ def main() -> int:
     """Write or compare; 1 where something differs by more than is allowed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('what', choices=('write', 'compare'))
+    parser.add_argument('names', nargs='*', metavar='NAME',
+                        help='cases of benchmarks/support/golden_cases.py; all if left out')
     parser.add_argument('--folder', type=pathlib.Path, default=FOLDER,
                         help='where the pinned images lie (%(default)s)')
     arguments = parser.parse_args()
+    if unknown := set(arguments.names) - set(CASES):
+        parser.error(f'no case {", ".join(sorted(unknown))}; expected some of {", ".join(CASES)}')
+    names = arguments.names or tuple(CASES)
     logging.disable(logging.WARNING)  # some cases are sampled sparsely on purpose
     warnings.simplefilter('ignore')
     if arguments.what == 'write':
-        write(arguments.folder)
+        write(arguments.folder, names)
         return 0
-    return 0 if compare(arguments.folder) else 1
+    return 0 if compare(arguments.folder, names) else 1
 
 
 if __name__ == '__main__':

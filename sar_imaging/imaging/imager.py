@@ -145,7 +145,7 @@ def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
     backend : str or Backend
         What computes it, see `sar_imaging.backends`: ``'cpu'``, ``'cuda'``, ``'reference'``;
         ``'auto'`` takes the quickest there is. An object with the four entries of a backend is
-        used likewise. ``'ffbp'``, ``'wavenumber'`` and ``'zero-padding'`` compute on the
+        used likewise. Methods of `sar_imaging.published` compute on the
         processor by themselves. Blocks whose samples lie on a CUDA device, as arrays of CuPy,
         are imaged there, and their images stay there.
     progress : bool

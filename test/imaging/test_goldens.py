@@ -1,7 +1,10 @@
 """Images, predictions and plans are those that were pinned before the imaging core is rebuilt."""
 
+import json
+
 import pytest
 
+from benchmarks import goldens
 from benchmarks.goldens import FOLDER, MOST_PREDICTION_DB, difference_db, form, load
 from benchmarks.support.golden_cases import CASES
 
@@ -28,3 +31,19 @@ def test_a_changed_image_is_noticed():
     changed[40:44, 40:44] *= 1.01
     assert ROUNDING_DB < difference_db(changed, golden) < -60.0
     assert difference_db(golden[:, :-1], golden) == float('inf')
+
+
+def test_one_case_is_pinned_beside_the_others(tmp_path, monkeypatch):
+    pinned = {'machine': {'processor': 'another'}, 'cases': {'exact_50km': {'plan': 'as it was'}}}
+    (tmp_path / 'goldens.json').write_text(json.dumps(pinned))
+    monkeypatch.setattr(goldens, '_ROUNDS', 1)
+    goldens.write(tmp_path, ['exact_100m'])
+    facts = json.loads((tmp_path / 'goldens.json').read_text())
+    assert facts['machine'] == pinned['machine']
+    assert facts['cases'].keys() == {'exact_50km', 'exact_100m'}
+    assert facts['cases']['exact_50km'] == pinned['cases']['exact_50km']
+    assert facts['cases']['exact_100m']['machine'] != pinned['machine']  # whose times they are
+    assert [path.name for path in tmp_path.glob('*.npy')] == ['exact_100m.npy']
+    monkeypatch.setattr('sys.argv', ['goldens', 'write', 'new'])
+    with pytest.raises(SystemExit):
+        goldens.main()

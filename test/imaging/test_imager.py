@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import pathlib
+import re
 
 import numpy as np
 import pytest
@@ -41,6 +43,13 @@ def reference(case):
 def test_all_methods_do_what_they_say(method, title):
     told = METHOD_CHECKS[title](method_class(method), {})
     assert ('refused' in told) == (method == 'wavenumber' and title == 'a bent track')
+
+
+def test_methods_are_named_where_users_look():
+    page = (pathlib.Path(__file__).parents[2] / 'docs' / 'glossary.md').read_text()
+    [row] = re.findall(r'^\| method \|.*$', page, re.MULTILINE)
+    for name in METHODS:
+        assert f"``'{name}'``" in plan_image.__doc__ and re.search(rf'[ ,]{name}[,;]', row)
 
 
 def test_auto_takes_the_quicker_one_that_meets_the_target(case, reference):
