@@ -237,26 +237,39 @@ def short(rng) -> Case:
 
 def raster(rng) -> Case:
     """Rows of a scanner before an object with a straight edge that flashes."""
+    range_m = rng.uniform(0.5, 1.0)
+    half = 0.35 * range_m
+    points, amplitudes = _scattered(rng, int(rng.integers(6, 20)), (0, range_m), half)
+    edge = np.c_[np.full(40, rng.uniform(-0.3, 0.3) * half),
+                 np.full(40, range_m + rng.uniform(-0.3, 0.3) * half), np.linspace(-0.3, 0.3, 40)]
+    points, amplitudes = np.r_[points, edge], np.r_[amplitudes, np.full(40, 0.5)]
+    return _scanner(rng, 'raster', points, amplitudes, (0.0, range_m, 0.0), half)
+
+
+def volume(rng) -> Case:
+    """Rows of a scanner before objects at all heights, one of which is imaged."""
+    range_m = rng.uniform(0.5, 1.0)
+    half = 0.35 * range_m
+    points, amplitudes = _scattered(rng, int(rng.integers(20, 60)), (0, range_m), half)
+    points[:, 2] = rng.uniform(-half, half, len(points))
+    height_m = float(points[int(rng.integers(len(points))), 2])  # of one of the objects
+    return _scanner(rng, 'volume', points, amplitudes, (0.0, range_m, height_m), half)
+
+
+def _scanner(rng, kind, points, amplitudes, centre, half) -> Case:
     columns, rows = (int(v) for v in rng.integers(24, 40, 2))
     carrier = rng.choice([22e9, 28e9])
     pitch = 0.35 * _C / carrier
     x, z = np.meshgrid(pitch * (np.arange(columns) - columns / 2),
                        pitch * (np.arange(rows) - rows / 2))
     track = np.c_[x.ravel(), 0 * x.ravel(), z.ravel()][:, None]
-    range_m = rng.uniform(0.5, 1.0)
-    half = 0.35 * range_m
-    points, amplitudes = _scattered(rng, int(rng.integers(6, 20)), (0, range_m), half)
-    points[:, 2] = 0.0
-    edge = np.c_[np.full(40, rng.uniform(-0.3, 0.3) * half),
-                 np.full(40, range_m + rng.uniform(-0.3, 0.3) * half), np.linspace(-0.3, 0.3, 40)]
-    points, amplitudes = np.r_[points, edge], np.r_[amplitudes, np.full(40, 0.5)]
     bandwidth, n_f = rng.uniform(4e9, 8e9), 128
-    reference = rng.choice([0.0, 2 * range_m / _C])
+    reference = rng.choice([0.0, 2 * centre[1] / _C])
     samples = steps(carrier, bandwidth, n_f, reference, delays(track, track, points), amplitudes)
     radar = RadarParameters(carrier, bandwidth, bandwidth, reference,
                             waveform=Waveform.STEPPED_FREQUENCY)
-    return _case(rng, 'raster', radar, samples, track, track, rng.uniform(20, 100),
-                 MapGrid.from_size((0, range_m, 0), 2 * half, 2 * half, half / 60))
+    return _case(rng, kind, radar, samples, track, track, rng.uniform(20, 100),
+                 MapGrid.from_size(centre, 2 * half, 2 * half, half / 60))
 
 
 def hover(rng) -> Case:
@@ -308,7 +321,8 @@ def upright(rng) -> Case:
 
 FAMILIES: dict[str, Callable[[np.random.Generator], Case]] = {
     'few': few, 'clutter': clutter, 'near': near, 'bistatic': bistatic, 'ground': ground,
-    'wide': wide, 'short': short, 'raster': raster, 'hover': hover, 'upright': upright}
+    'wide': wide, 'short': short, 'raster': raster, 'hover': hover, 'upright': upright,
+    'volume': volume}
 
 
 def family_case(name: str, seed: int) -> Case:

@@ -15,6 +15,7 @@ and for values too that spoil a part of it: rate of the clock, and slope of the 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import logging
 from collections.abc import Callable, Iterable, Iterator
 
@@ -42,13 +43,14 @@ from .hypotheses import (
     clock_offset,
     clock_offsets,
     clock_rates,
+    congruent,
     slopes,
     with_offset,
     with_slope,
     wrong_slope,
 )
 from .range_walk import walk_scale
-from .track import at_rest, track_doubts
+from .track import at_rest, fills_a_plane, track_doubts
 
 _logger = logging.getLogger(__name__)
 # Of the coherence's contrast: 0.3 to 1.1 in noise and out of focus, 2.0 to 10 in focus; halfway
@@ -239,17 +241,58 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none', thorough
 class _Tried:
     """A mistake, the coherence without it, and that of the same pulses with it.
 
-    `halves` holds the gains of independent halves: odd pulses, even pulses, parts of the map.
+    `profiles` are those without it, and `told` those of the same pulses as they came.
     """
 
     mistake: Hypothesis
     result: Coherence
     before: Coherence
-    halves: Callable[[], list[float]]
+    profiles: PulseBlock
+    told: PulseBlock
+    grid: MapGrid
 
     @property
     def gain(self) -> float:
         return gain_of(self.result, self.before)
+
+    def halves(self) -> list[float]:
+        """Gains of odd and even pulses, and of the halves of the map that hold anything.
+
+        Of what stands out: half of the pulses may agree over wide parts.
+        """
+        probe = CoherenceProbe(self.grid, BUDGET // 4, TILE)
+        pairs = [[probe(b.select(slice(k, None, 2))) for b in (self.profiles, self.told)]
+                 for k in (0, 1)]
+        # scatterers may be in the other half without the mistake
+        halves = [sorted(probe.halves(b), key=lambda half: -half.spread)
+                  for b in (self.profiles, self.told)]
+        pairs += [pair for pair in zip(*halves, strict=True)
+                  if pair[0].agreement > _ABOVE_NOISE * NOISE and pair[0].contrast > LEAST]
+        return [after.spread / max(then.spread, 1.0) for after, then in pairs]
+
+    def on_pulses_of(self, other: _Tried) -> _Tried:
+        """The same on those of its pulses that another try has, too.
+
+        Fewer pulses agree over wider parts of a scene, and an image of them has less contrast.
+        """
+        shared = np.isin(self.profiles.counter, other.profiles.counter)
+        if shared.all():
+            return self
+        profiles, told = (b.select(shared) for b in (self.profiles, self.told))
+        probe = CoherenceProbe(self.grid, BUDGET, TILE)
+        return dataclasses.replace(self, result=probe(profiles), before=probe(told),
+                                   profiles=profiles, told=told)
+
+    def walks_alone(self) -> bool:
+        """Whether scatterers walk through range as their phase says without the mistake alone.
+
+        Ramps of the other sign mirror ranges, and with them which half of a map holds what.
+        """
+        if not self.mistake.of_samples or self.profiles.radar.waveform not in RAMPS:
+            return False
+        walks = walk_scale(self.profiles, self.grid)
+        return (walks.n_scatterers >= 2 and abs(walks.scale - 1) < _WALK
+                and not walk_scale(self.told, self.grid).n_scatterers)
 
     @property
     def helps(self) -> bool:
@@ -269,14 +312,22 @@ class _Tried:
                 and result.contrast > max(focus, least_contrast(lit)))
 
     @property
-    def mirrors(self) -> bool:
-        """Whether the image as it is may show the mirrored scene, or this one.
+    def shows_another_scene(self) -> bool:
+        """Whether the image as it is may be as right, and this one of another part of the scene.
 
-        Pulses agree as well on either scene, unless the grid holds little of one of them.
+        Pulses agree as well on a mirrored scene, unless the grid holds little of one of them. An
+        aperture that fills a plane shows one height of a scene, and another one with other ranges
+        or axes: which of them holds more is no matter of focus.
         """
         before = self.before
-        return (self.mistake.isometry and before.agreement > NOISE and self.gain < _PLAINLY
-                and before.contrast > max(LEAST, _MIRRORED * self.result.contrast))
+        if (before.agreement <= NOISE
+                or before.contrast <= max(LEAST, _MIRRORED * self.result.contrast)):
+            return False
+        mirrored = self.mistake.isometry or (
+            self.mistake is ORDER and congruent(self.told, self.profiles))
+        if fills_a_plane(self.told):
+            return mirrored or before.contrast > _CLEARLY
+        return mirrored and self.gain < _PLAINLY
 
 
 def least_contrast(contrast: float) -> float:
@@ -286,7 +337,7 @@ def least_contrast(contrast: float) -> float:
 
 def _best(tried: Iterable[_Tried]) -> _Tried | None:
     """The mistake without which pulses agree clearly better than as they are."""
-    helping = [t for t in tried if t.helps and not t.mirrors]
+    helping = [t for t in tried if t.helps and not t.shows_another_scene]
     # short arrays agree over wide parts of a scene that is not in focus
     sharpest = max((t.result.contrast for t in helping), default=0.0)
     helping = [t for t in helping if t.result.contrast > _DARKER * sharpest]
@@ -296,7 +347,8 @@ def _best(tried: Iterable[_Tried]) -> _Tried | None:
         best = max((t for t in helping if t.gain >= gain), key=lambda t: t.result.contrast)
         halves = best.halves()
         # odd and even pulses are asked whatever the gain, halves of the map where it is small
-        if min(halves[:2] if best.gain > _PLAINLY else halves) > 1.0:
+        if min(halves[:2]) > 1.0 and (best.gain > _PLAINLY or min(halves) > 1.0
+                                      or best.walks_alone()):
             return best
         helping.remove(best)
     return None
@@ -310,9 +362,25 @@ def _likelier(found: _Tried | None, searched: _Tried | None) -> _Tried | None:
     """
     if found is None or searched is None:
         return found or searched
-    better = (searched.gain > _LIKELIER * found.gain
-              and searched.result.contrast > least_contrast(found.result.contrast))
+    one, other = found.on_pulses_of(searched), searched.on_pulses_of(found)
+    _logger.debug('of the same pulses, %s: %s, %s: %s', one.mistake.name, one.result,
+                  other.mistake.name, other.result)
+    better = (other.gain > _LIKELIER * one.gain
+              and other.result.contrast > least_contrast(one.result.contrast))
     return searched if better else found
+
+
+def _sharper(one: _Tried, other: _Tried) -> _Tried:
+    """The one of two in which more stands out, on the pulses that both have.
+
+    Values that leave out opposite ends have few in common, and are compared as they are: what
+    one end holds of a scene out of focus says nothing of the other.
+    """
+    shared = np.isin(one.profiles.counter, other.profiles.counter)
+    if 2 * np.count_nonzero(shared) < min(one.profiles.n_pulses, other.profiles.n_pulses):
+        return max(one, other, key=lambda tried: tried.result.spread)
+    spreads = one.on_pulses_of(other).result.spread, other.on_pulses_of(one).result.spread
+    return one if spreads[0] >= spreads[1] else other
 
 
 def _as_sharp(tried: _Tried) -> bool:
@@ -379,28 +447,12 @@ class _Attempts:
                before: PulseBlock | None = None) -> _Tried:
         """A try with profiles, compared with those before, of the same pulses."""
         _logger.debug('%s: %s', mistake.name, result)
-        told = self._profiles if before is None else before
-        first = self.first if before is None else self._probe(before)
-        return _Tried(mistake, result, first, lambda: self._halves(profiles, told))
-
-    def _halves(self, profiles: PulseBlock, before: PulseBlock) -> list[float]:
-        """Gains of odd and even pulses, and of the halves of the map that hold anything.
-
-        Of what stands out: half of the pulses may agree over wide parts.
-        """
-        probe = CoherenceProbe(self._grid, BUDGET // 4, TILE)
-        pairs = [[probe(b.select(slice(k, None, 2))) for b in (profiles, before)]
-                 for k in (0, 1)]
-        # scatterers may be in the other half without the mistake
-        halves = [sorted(probe.halves(b), key=lambda half: -half.spread)
-                  for b in (profiles, before)]
-        pairs += [pair for pair in zip(*halves, strict=True)
-                  if pair[0].agreement > _ABOVE_NOISE * NOISE and pair[0].contrast > LEAST]
-        return [after.spread / max(then.spread, 1.0) for after, then in pairs]
+        if before is None:
+            return _Tried(mistake, result, self.first, profiles, self._profiles, self._grid)
+        return _Tried(mistake, result, self._probe(before), profiles, before, self._grid)
 
     def hypotheses(self) -> Iterator[_Tried]:
-        """The aperture with each mistake undone; those that few pixels tell to be worth it."""
-        screen = CoherenceProbe(self._grid, FINE_BUDGET, TILE)
+        """The aperture with each mistake undone."""
         for hypothesis in HYPOTHESES:
             # Positions can be changed on the profiles, compressed once.
             anew = hypothesis.of_samples or hypothesis.name.startswith('delay')
@@ -409,11 +461,7 @@ class _Attempts:
                     ready = self._compressed(changed) if anew else changed
                 except ValueError:
                     continue  # impossible as well
-                result = screen(ready)
-                if (result.contrast > _WORTH * LEAST
-                        or result.agreement > _ABOVE_NOISE * NOISE):
-                    result = self._probe(ready)
-                yield self._tried(hypothesis, ready, result)
+                yield self._tried(hypothesis, ready, self._probe(ready))
 
     def values(self, thorough: bool) -> Iterator[_Tried]:
         """The aperture with the best offset and rate of the clock, and slope of the ramp."""
@@ -447,7 +495,7 @@ class _Attempts:
         if not self._tells_slope:
             return
         factors = slopes(profiles, places)
-        if not len(factors):
+        if not len(factors) or fills_a_plane(block):  # which shows other heights then
             self.blind.append(_SLOPE)
             return
 
@@ -539,13 +587,14 @@ class _Attempts:
                             key=lambda near: spread(near, fine, some))
             return value
 
+        def tried(value: float) -> _Tried:
+            changed = self._ready(change(block, value, block))
+            kept = np.isin(self._profiles.counter, changed.counter)
+            before = None if kept.all() else self._profiles.select(kept)
+            return self._tried(mistake(value), changed, self._probe(changed), before)
+
         # the top of a narrow peak may lie between two values, each below a broad one
-        best = max((climbed(float(values[peak])) for peak in peaks),
-                   key=lambda value: gain(value, fine, some))
-        changed = self._ready(change(block, best, block))
-        kept = np.isin(self._profiles.counter, changed.counter)
-        before = None if kept.all() else self._profiles.select(kept)
-        return self._tried(mistake(best), changed, self._probe(changed), before)
+        return functools.reduce(_sharper, (tried(climbed(float(values[at]))) for at in peaks))
 
     def _ready(self, block: PulseBlock) -> PulseBlock:
         return block if block.compressed else self._compressed(block)

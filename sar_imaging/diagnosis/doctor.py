@@ -12,9 +12,10 @@ from ..signal.background import subtract_background
 from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
 from .channel_phases import phase_findings
-from .diagnose import BETTER, Diagnosis, diagnose
-from .hypotheses import distances, reach_advice
-from .lever_arm import LeverArm, course, find_lever_arm
+from .coherence import BUDGET, OVERSAMPLING, CoherenceProbe, resolved
+from .diagnose import BETTER, TILE, Diagnosis, diagnose, one_channel
+from .hypotheses import distances, reach_advice, with_offset
+from .lever_arm import LeverArm, course, find_lever_arm, with_arm
 from .signals import (
     CERTAIN,
     LIKELY,
@@ -118,14 +119,16 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *, window: str = 'no
     clean = subtract_background(block) if coupled else block
     off, diagnosis = _focused(clean, grid, window)
     jumped = jump_findings(clean)
-    arm = None if jumped else _lever_arm(clean, grid, window, attitude, diagnosis)
+    arm, better = (None, 0.0) if jumped else _lever_arm(clean, grid, window, attitude, diagnosis)
     found += off + jumped + ([] if jumped else _explanations(
-        diagnosis, arm, 'platform' if attitude is not None else 'track, x along it and z up'))
+        diagnosis, arm, better,
+        'platform' if attitude is not None else 'track, x along it and z up'))
     return Examination(tuple(found), diagnosis, _untold(diagnosis, bool(off or jumped or arm)))
 
 
-def _explanations(diagnosis: Diagnosis, arm: LeverArm | None, frame: str) -> list[Finding]:
-    """A mistake, a lever arm, or both where either explains the pulses.
+def _explanations(diagnosis: Diagnosis, arm: LeverArm | None, better: float, frame: str
+                  ) -> list[Finding]:
+    """A mistake, a lever arm that does so many times as well, or both where they are alike.
 
     On gentle curves an arm along the track moves the antenna as a clock that is off does, and on
     an arc an arm through its middle makes up for conjugated samples.
@@ -134,8 +137,7 @@ def _explanations(diagnosis: Diagnosis, arm: LeverArm | None, frame: str) -> lis
         return ([arm.finding(frame=frame)] if arm is not None else
                 [_mistake(diagnosis)] if diagnosis.mistake else [])
     clock = diagnosis.mistake == _CLOCK
-    better = arm.gain > BETTER * diagnosis.gain
-    if better and (clock or arm.corrected.contrast > diagnosis.corrected):
+    if better > BETTER and (clock or arm.corrected.contrast > diagnosis.corrected):
         return [arm.finding(frame=frame)]
     # what was searched for among many values explains more by chance, but a ruler tells an arm
     both = [_mistake(diagnosis, ('lever arm',)), arm.finding(alone=False, frame=frame)]
@@ -177,15 +179,38 @@ def _focused(block: PulseBlock, grid: MapGrid, window: str) -> tuple[list[Findin
 
 
 def _lever_arm(block: PulseBlock, grid: MapGrid, window: str, attitude: Rotation | None,
-               diagnosis: Diagnosis) -> LeverArm | None:
-    """A lever arm with which pulses agree as well as without what else was found, or better."""
+               diagnosis: Diagnosis) -> tuple[LeverArm | None, float]:
+    """A lever arm, and how many times as well pulses agree with it as without what else was found.
+
+    None unless they agree about as well.
+    """
     clock = diagnosis.mistake == _CLOCK  # which an arm may look like
     if attitude is None:
         attitude = course(block)
     if attitude is None or diagnosis.gain > _CERTAIN and not clock:
-        return None
+        return None, 0.0
     arm = find_lever_arm(block, attitude, grid, window=window)
-    return arm if arm is not None and arm.found and BETTER * arm.gain > diagnosis.gain else None
+    if arm is None or not arm.found:
+        return None, 0.0
+    better = (_over_offset(block, grid, window, with_arm(block, attitude, arm.arm_m),
+                           diagnosis.sizes[0]) if clock else arm.gain / diagnosis.gain)
+    return (arm, better) if BETTER * better > 1 else (None, 0.0)
+
+
+def _over_offset(block: PulseBlock, grid: MapGrid, window: str, armed: PulseBlock,
+                 offset_s: float) -> float:
+    """How much more stands out with an arm than with an offset of the clock, of the same pulses.
+
+    Those that an offset leaves agree over wider parts of the scene than all.
+    """
+    window = 'none' if block.compressed else window
+    later = with_offset(block, offset_s)
+    kept = np.isin(block.counter, later.counter)
+    probe = CoherenceProbe(resolved(grid, block), BUDGET, TILE)
+    arm, offset = (probe(RangeCompressor.for_block(
+        one, window=window, oversampling=OVERSAMPLING)(one)).spread
+        for one in map(one_channel, (armed.select(kept), later)))
+    return arm / max(offset, 1.0)
 
 
 def _seen(block: PulseBlock, grid: MapGrid, start_m: float, stop_m: float) -> float:

@@ -366,21 +366,30 @@ def _besides_line_rad(block: PulseBlock, change_m: np.ndarray) -> float:
     return float(rest.std(axis=0).max()) * block.radar.wavenumber_rad_per_m
 
 
-def _besides_rigid_rad(block: PulseBlock, moved: PulseBlock) -> float:
+def _besides_rigid_rad(block: PulseBlock, moved: PulseBlock, *, mirrored: bool = False) -> float:
     """Rms phase of what a turn about the vertical and a shift leave of other positions, radians.
 
     A track that is turned as a whole, as an arc at constant speed is by another time, images the
-    scene turned, in focus.
+    scene turned, in focus. Where `mirrored`, the track may be mirrored as well.
     """
     if moved.n_pulses < _FEWEST_PULSES // 2:
         return 0.0
     a, b = (p - p.mean(axis=0) for p in (
         block.phase_centre_m[np.isin(block.counter, moved.counter)], moved.phase_centre_m))
     flat_a, flat_b = (p[:, 0] + 1j * p[:, 1] for p in (a, b))
-    turn = np.vdot(flat_b, flat_a)
-    turn /= max(abs(turn), 1e-300)
-    rest = np.mean(np.square(np.abs(flat_a - turn * flat_b)) + np.square(a[:, 2] - b[:, 2]))
-    return float(np.sqrt(rest)) * block.radar.wavenumber_rad_per_m
+    left = []
+    for flat in (flat_b, flat_b.conj()) if mirrored else (flat_b,):
+        turn = np.vdot(flat, flat_a)
+        turn /= max(abs(turn), 1e-300)
+        for up in (1, -1) if mirrored else (1,):
+            left.append(np.mean(np.square(np.abs(flat_a - turn * flat))
+                                + np.square(a[:, 2] - up * b[:, 2])))
+    return float(np.sqrt(min(left))) * block.radar.wavenumber_rad_per_m
+
+
+def congruent(block: PulseBlock, other: PulseBlock) -> bool:
+    """Whether one track is the other moved, turned or mirrored, so that either is in focus."""
+    return _besides_rigid_rad(block, other, mirrored=True) < 0.5 * _FELT_RAD
 
 
 def clock_offset(offset_s: float) -> Hypothesis:

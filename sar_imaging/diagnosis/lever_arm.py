@@ -183,6 +183,11 @@ def find_lever_arm(block: PulseBlock, attitude: Rotation, grid: MapGrid, *,
                     whole(profiles), whole(_moved(profiles, moves @ best)))
 
 
+def with_arm(block: PulseBlock, attitude: Rotation, arm_m: np.ndarray) -> PulseBlock:
+    """A block whose antenna is `arm_m` (3,) farther from where poses are; its scene stays."""
+    return _moved(block, _moves(block, attitude) @ arm_m)
+
+
 def _moved(block: PulseBlock, by_m: np.ndarray) -> PulseBlock:
     """A block whose phase centres are moved (P, 3) metres."""
     return dataclasses.replace(block, tx_m=block.tx_m + by_m[:, None],

@@ -668,17 +668,17 @@ def timing_findings(block: PulseBlock) -> list[Finding]:
     ...     print(finding.evidence)
     3 of 200 pulses are missing in 2 gaps of their numbers, up to 2 in a row
     """
-    if block.n_pulses < _FEWEST_TIMES:
-        return []
     order = np.argsort(block.counter.astype(np.int64), kind='stable')
     counter = block.counter.astype(np.int64)[order]
-    time_s = (block.stamp_ns[order] - block.stamp_ns[order[0]]) * 1e-9
-    shared = _frames(counter, time_s)
-    found = [_lost(counter), shared]
-    if shared is None:
+    found = [_lost(counter)]
+    if block.n_pulses >= _FEWEST_TIMES:
+        time_s = (block.stamp_ns[order] - block.stamp_ns[order[0]]) * 1e-9
+        found.append(_frames(counter, time_s))
+    if found[1:] == [None]:
         found.append(_backward(time_s))
         what, counter, time_s = _rhythm(counter, time_s)
-        found.append(_receipt(what, counter, time_s) or _gaps(what, counter, time_s))
+        pauses = _pauses(counter, time_s)
+        found.append(_receipt(what, counter, time_s, pauses) or _gaps(what, pauses))
     return [finding for finding in found if finding is not None]
 
 
@@ -709,17 +709,21 @@ def _rhythm(counter: np.ndarray, time_s: np.ndarray) -> tuple[str, np.ndarray, n
     return 'pulses', counter, time_s
 
 
-def _gaps(what: str, counter: np.ndarray, time_s: np.ndarray) -> Finding | None:
-    """Pauses between pulses, or frames, whose numbers follow each other."""
+def _pauses(counter: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    """(P - 1,) how many pulses more each interval holds whose numbers follow each other."""
     steps = np.diff(time_s)
-    following = np.diff(counter) == 1
     around = median_around(steps, _HALF)
-    odd = following & (steps > _GAP * around) & (around > 0)
-    if not odd.any() or np.count_nonzero(odd) > 0.1 * len(steps):
+    odd = (np.diff(counter) == 1) & (steps > _GAP * around) & (around > 0)
+    return np.where(odd, np.rint(steps / np.where(odd, around, 1.0) - 1), 0).astype(int)
+
+
+def _gaps(what: str, pauses: np.ndarray) -> Finding | None:
+    """Pauses between pulses, or frames, whose numbers follow each other."""
+    n = np.count_nonzero(pauses)
+    if not n or n > 0.1 * len(pauses):
         return None  # none, or the rhythm of the radar
-    missing = int(np.rint(steps[odd] / around[odd] - 1).sum())
     return Finding('lost pulses without gaps in their numbers', (
-        f'{np.count_nonzero(odd)} pauses hold about {missing} {what} more, although the '
+        f'{n} pauses hold about {pauses.sum()} {what} more, although the '
         'numbers of the pulses follow each other'),
         'let the radar number its pulses, not the program that receives them: positions by '
         'number are wrong after each pause', 'the rhythm of a radar that sends frames', LIKELY)
@@ -738,8 +742,13 @@ def _frames(counter: np.ndarray, time_s: np.ndarray) -> Finding | None:
         'pulse repetition interval', 'a clock of coarse steps, which are as long as a pulse')
 
 
-def _receipt(what: str, counter: np.ndarray, time_s: np.ndarray) -> Finding | None:
-    """Stamps scatter as those do that a computer gives when data arrive."""
+def _receipt(what: str, counter: np.ndarray, time_s: np.ndarray, pauses: np.ndarray
+             ) -> Finding | None:
+    """Stamps scatter as those do that a computer gives when data arrive.
+
+    Not so those of a radar whose lost pulses were not counted: with these they are even.
+    """
+    counter = counter + np.r_[0, np.cumsum(pauses)]
     interval = float(np.median(np.diff(time_s) / np.diff(counter).clip(1)))
     if interval <= 0 or len(time_s) < 4 * _HALF:
         return None

@@ -26,6 +26,8 @@ _HEARD, _UNHEARD = 8.0, 3.0  # deviations of the change from pulse to pulse, ove
 _LARGEST_OFFSET = 0.4  # of the aperture
 _RATES = np.linspace(0.75, 1.25, 201)
 _FEWEST_PULSES = 32
+_MOST_CENTRES, _CURVE_DEGREE = 4096, 8
+_WIDE, _BESIDE = 2.0, 0.5  # wavelengths, and share of the width that no curve explains
 
 
 def track_doubts(block: PulseBlock) -> tuple[str, ...]:
@@ -65,6 +67,21 @@ def at_rest(block: PulseBlock) -> bool:
     """Whether all pulses and channels have the same phase centre; an array needs no motion."""
     return not (np.ptp(block.phase_centre_m, axis=0).any()
                 or np.ptp(block.tx_m[0] + block.rx_m[0], axis=0).any())
+
+
+def fills_a_plane(block: PulseBlock) -> bool:
+    """Whether pulses and channels lie beside any curve, as those of a raster or upright array do.
+
+    They then resolve heights, or what else lies across their longest side.
+    """
+    centres = ((block.tx_m + block.rx_m) / 2).reshape(-1, 3)
+    centres = centres[::-(-len(centres) // _MOST_CENTRES)]
+    centres = centres - centres.mean(axis=0)
+    along, across = (centres @ np.linalg.svd(centres, full_matrices=False)[2][:2].T).T
+    if np.ptp(across) < _WIDE * block.radar.wavelength_m:
+        return False
+    curve = np.polynomial.Polynomial.fit(along, across, _CURVE_DEGREE)
+    return bool(np.std(across - curve(along)) > _BESIDE * np.std(across))
 
 
 def _at_rest(block: PulseBlock) -> str:

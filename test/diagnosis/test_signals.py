@@ -151,6 +151,19 @@ def test_stamps_of_receipt_are_measured():
     assert finding.fault == 'stamps of receipt'
 
 
+def test_pulses_lost_from_a_short_recording_are_no_late_stamps():
+    """Of 24 pulses a half has a gap nearby, which bends the line through their neighbours."""
+    kept = np.delete(np.arange(32), [*range(8, 12), *range(20, 24)])
+    block = right_case(1).block.select(kept)
+    uncounted = dataclasses.replace(block, counter=np.arange(len(kept)))
+    assert [f.fault for f in timing_findings(block)] == ['lost pulses']
+    [lost] = timing_findings(uncounted)
+    assert lost.fault == 'lost pulses without gaps in their numbers'
+    assert lost.evidence.startswith('2 pauses hold about 8 pulses more')
+    [counted] = timing_findings(block.select(slice(0, 10)))  # whose numbers tell it
+    assert counted.fault == 'lost pulses'
+
+
 def _steps(delays_s, amplitudes, noise=0.01) -> PulseBlock:
     """Phase histories (P, 1, 64) of echoes at delays (P, S), 2 GHz at 22 GHz."""
     rng = np.random.default_rng(4)
