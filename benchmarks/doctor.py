@@ -25,12 +25,11 @@ from collections.abc import Callable
 import numpy as np
 from tqdm import tqdm
 
-from sar_imaging.diagnosis.coherence import OVERSAMPLING, CoherenceProbe, resolved
+from sar_imaging.diagnosis.coherence import CoherenceProbe, profiles_of, resolved
 from sar_imaging.diagnosis.diagnose import diagnose
 from sar_imaging.diagnosis.doctor import examine
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.quality.measures import focus_figure
-from sar_imaging.signal.range_compression import RangeCompressor
 
 from .support.doctor_cases import KINDS, Case, measured_cases, right_case, turning
 from .support.doctor_families import FAMILIES, family_case
@@ -127,9 +126,7 @@ def severity(right: Case, wrong: Case) -> tuple[float, float]:
 def _image(case: Case) -> tuple[np.ndarray, np.ndarray]:
     """Pixels (K, 3) and image (K,) of a case; 0 where it cannot be compressed."""
     try:
-        profiles = RangeCompressor.for_block(
-            case.block, window='none' if case.block.compressed else case.window,
-            oversampling=OVERSAMPLING)(case.block)
+        profiles = profiles_of(case.block, case.window)
     except ValueError:
         return case.grid.points().reshape(-1, 3), np.zeros(case.grid.n_x * case.grid.n_y)
     grid = resolved(case.grid, case.block)

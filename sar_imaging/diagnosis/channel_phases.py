@@ -20,8 +20,7 @@ import numpy as np
 
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
-from ..signal.range_compression import RangeCompressor
-from .coherence import BUDGET, OVERSAMPLING, CoherenceProbe, resolved
+from .coherence import BUDGET, CoherenceProbe, profiles_of, resolved
 from .diagnose import LEAST, TILE, one_of
 from .signals import LIKELY, Finding
 
@@ -63,8 +62,7 @@ def channel_phases(block: PulseBlock, grid: MapGrid, *, window: str = 'none') ->
     places = None if along or n < _FEWEST else _on_a_line(block)
     if not 2 <= n <= _MOST_CHANNELS or not along and places is None:
         return none
-    window = 'none' if block.compressed else window
-    profiles = RangeCompressor.for_block(block, window=window, oversampling=OVERSAMPLING)(block)
+    profiles = profiles_of(block, window)
     probe = CoherenceProbe(resolved(grid, block), BUDGET, TILE).fixed(profiles)
     images = np.stack([probe.sums(one_of(profiles, c)) for c in range(n)]).astype(complex)
     power = np.sum(np.square(np.abs(images)), axis=1)
@@ -126,9 +124,8 @@ def phase_findings(block: PulseBlock, grid: MapGrid, *, window: str = 'none'
 
 def _focuses(block: PulseBlock, grid: MapGrid, window: str) -> bool:
     """Whether phases mean anything: without focus they do not."""
-    window = 'none' if block.compressed else window
-    profiles = RangeCompressor.for_block(block, window=window, oversampling=OVERSAMPLING)(block)
-    return CoherenceProbe(resolved(grid, block), BUDGET, TILE)(profiles).contrast > LEAST
+    probe = CoherenceProbe(resolved(grid, block), BUDGET, TILE)
+    return probe(profiles_of(block, window)).contrast > LEAST
 
 
 def _along_the_track(block: PulseBlock) -> bool:

@@ -21,6 +21,7 @@ from ..compilation import njit, numba
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
+from ..signal.range_compression import RangeCompressor
 
 OVERSAMPLING = 4.0  # of the profiles: linear interpolation is then good to -30 dB
 _GROUPS = 64
@@ -83,6 +84,29 @@ class Coherence:
 def gain_of(changed: Coherence, as_it_is: Coherence) -> float:
     """How much more stands out after a change than before, and than in noise at the least."""
     return changed.spread / max(as_it_is.spread, 1.0)
+
+
+def profiles_of(block: PulseBlock, window: str) -> PulseBlock:
+    """Range profiles of raw or compressed pulses, sampled as a `CoherenceProbe` needs them.
+
+    Parameters
+    ----------
+    block : PulseBlock
+        Profiles keep the window that they have.
+    window : str
+        Of the range compression of raw pulses.
+
+    Returns
+    -------
+    PulseBlock
+
+    Raises
+    ------
+    ValueError
+        The samples cannot be compressed.
+    """
+    return RangeCompressor.for_block(block, window='none' if block.compressed else window,
+                                     oversampling=OVERSAMPLING)(block)
 
 
 class CoherenceProbe:

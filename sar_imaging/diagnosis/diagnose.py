@@ -23,15 +23,14 @@ import numpy as np
 
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock, check_profiles
-from ..signal.range_compression import RangeCompressor
 from .coherence import (
     BUDGET,
     FOCUSED,
     NOISE,
-    OVERSAMPLING,
     Coherence,
     CoherenceProbe,
     gain_of,
+    profiles_of,
     resolved,
 )
 from .hypotheses import (
@@ -373,12 +372,14 @@ def _likelier(found: _Tried | None, searched: _Tried | None) -> _Tried | None:
 def _sharper(one: _Tried, other: _Tried) -> _Tried:
     """The one of two in which more stands out, on the pulses that both have.
 
-    Values that leave out opposite ends have few in common, and are compared as they are: what
-    one end holds of a scene out of focus says nothing of the other.
+    Values that leave out opposite ends have few in common. Each end agrees over wide parts of the
+    scene in its own way: unless plainly more stands out in one image, the contrast counts.
     """
     shared = np.isin(one.profiles.counter, other.profiles.counter)
     if 2 * np.count_nonzero(shared) < min(one.profiles.n_pulses, other.profiles.n_pulses):
-        return max(one, other, key=lambda tried: tried.result.spread)
+        less, more = sorted((one, other), key=lambda tried: tried.result.spread)
+        plainly = more.result.spread > _PLAINLY * less.result.spread
+        return more if plainly or more.result.contrast > less.result.contrast else less
     spreads = one.on_pulses_of(other).result.spread, other.on_pulses_of(one).result.spread
     return one if spreads[0] >= spreads[1] else other
 
@@ -440,8 +441,7 @@ class _Attempts:
         self.blind: list[str] = []  # mistakes with which the aperture is as much in focus
 
     def _compressed(self, block: PulseBlock) -> PulseBlock:
-        window = 'none' if block.compressed else self._window
-        return RangeCompressor.for_block(block, window=window, oversampling=OVERSAMPLING)(block)
+        return profiles_of(block, self._window)
 
     def _tried(self, mistake: Hypothesis, profiles: PulseBlock, result: Coherence,
                before: PulseBlock | None = None) -> _Tried:

@@ -12,7 +12,7 @@ from ..signal.background import subtract_background
 from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
 from .channel_phases import phase_findings
-from .coherence import BUDGET, OVERSAMPLING, CoherenceProbe, resolved
+from .coherence import BUDGET, CoherenceProbe, profiles_of, resolved
 from .diagnose import BETTER, TILE, Diagnosis, diagnose, one_channel
 from .hypotheses import distances, reach_advice, with_offset
 from .lever_arm import LeverArm, course, find_lever_arm, with_arm
@@ -203,13 +203,11 @@ def _over_offset(block: PulseBlock, grid: MapGrid, window: str, armed: PulseBloc
 
     Those that an offset leaves agree over wider parts of the scene than all.
     """
-    window = 'none' if block.compressed else window
     later = with_offset(block, offset_s)
     kept = np.isin(block.counter, later.counter)
     probe = CoherenceProbe(resolved(grid, block), BUDGET, TILE)
-    arm, offset = (probe(RangeCompressor.for_block(
-        one, window=window, oversampling=OVERSAMPLING)(one)).spread
-        for one in map(one_channel, (armed.select(kept), later)))
+    arm, offset = (probe(profiles_of(one_channel(b), window)).spread
+                   for b in (armed.select(kept), later))
     return arm / max(offset, 1.0)
 
 

@@ -20,14 +20,13 @@ from scipy.spatial.transform import Rotation
 
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
-from ..signal.range_compression import RangeCompressor
 from .coherence import (
     BUDGET,
     NOISE,
-    OVERSAMPLING,
     Coherence,
     CoherenceProbe,
     gain_of,
+    profiles_of,
     resolved,
 )
 from .diagnose import BETTER, FINE_BUDGET, LEAST, TILE, least_contrast, one_channel
@@ -159,8 +158,7 @@ def find_lever_arm(block: PulseBlock, attitude: Rotation, grid: MapGrid, *,
     if not len(directions):
         return None
     moves = moves @ directions.T
-    window = 'none' if block.compressed else window
-    profiles = RangeCompressor.for_block(block, window=window, oversampling=OVERSAMPLING)(block)
+    profiles = profiles_of(block, window)
     # an arm may be all that makes an aperture
     grid = resolved(grid, _moved(block, 0.3 * _LONGEST_M * moves[:, :, 0]))
     # the same pixels for all arms: these are not to displace the scene
