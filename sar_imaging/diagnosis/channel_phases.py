@@ -20,8 +20,8 @@ import numpy as np
 
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
-from .coherence import BUDGET, CoherenceProbe, profiles_of, resolved
-from .diagnose import LEAST, TILE, one_of
+from .coherence import CoherenceProbe, profiles_of, resolved
+from .diagnose import LEAST, one_of
 from .signals import LIKELY, Finding
 
 _MOST_CHANNELS = 16
@@ -63,7 +63,7 @@ def channel_phases(block: PulseBlock, grid: MapGrid, *, window: str = 'none') ->
     if not 2 <= n <= _MOST_CHANNELS or not along and places is None:
         return none
     profiles = profiles_of(block, window)
-    probe = CoherenceProbe(resolved(grid, block), BUDGET, TILE).fixed(profiles)
+    probe = CoherenceProbe(resolved(grid, block)).fixed(profiles)
     images = np.stack([probe.sums(one_of(profiles, c)) for c in range(n)]).astype(complex)
     power = np.sum(np.square(np.abs(images)), axis=1)
     if places is not None:
@@ -124,7 +124,7 @@ def phase_findings(block: PulseBlock, grid: MapGrid, *, window: str = 'none'
 
 def _focuses(block: PulseBlock, grid: MapGrid, window: str) -> bool:
     """Whether phases mean anything: without focus they do not."""
-    probe = CoherenceProbe(resolved(grid, block), BUDGET, TILE)
+    probe = CoherenceProbe(resolved(grid, block))
     return probe(profiles_of(block, window)).contrast > LEAST
 
 

@@ -32,7 +32,8 @@ _MOST_ROWS = 1024
 _STEPS = 4096  # of a cycle; good to -60 dB
 _TURNS = tuple(f(2 * np.pi * np.arange(_STEPS) / _STEPS).astype(np.float32)
                for f in (np.cos, np.sin))
-TILE = 16  # pixels along each side
+_TILE = 4  # pixels along each side: power of few pulses is wide across range, and narrow along it
+_FEWEST_POINTS = 256
 _MOST_PIXELS = 1500  # along a side of a finer grid
 _FEWEST_ROWS = 12  # that tell where power is
 _WAYPOINTS = 256  # of a track: noise of more would count as way
@@ -118,13 +119,11 @@ class CoherenceProbe:
         Of the image.
     budget : int
         Most points times rows of one figure; of larger images the brightest tiles are taken.
-    tile : int
-        Pixels along each side of a tile.
     """
 
-    def __init__(self, grid: MapGrid, budget: int = BUDGET, tile: int = TILE):
+    def __init__(self, grid: MapGrid, budget: int = BUDGET):
         self.grid = grid
-        self._budget, self._tile = budget, tile
+        self._budget = budget
         self._places: np.ndarray | None = None
 
     def __call__(self, profiles: PulseBlock) -> Coherence:
@@ -176,7 +175,7 @@ class CoherenceProbe:
 
     def fixed(self, profiles: PulseBlock) -> CoherenceProbe:
         """A probe of the pixels that this one chooses for some profiles, whatever is asked."""
-        probe = CoherenceProbe(self.grid, self._budget, self._tile)
+        probe = CoherenceProbe(self.grid, self._budget)
         probe._places = self._points(_Rows.of(profiles, self.grid.centre_m))
         return probe
 
@@ -185,34 +184,29 @@ class CoherenceProbe:
         if self._places is not None:
             return self._places
         grid, n_rows = self.grid, len(rows.tx_m)
-        n_points = max(TILE * TILE, self._budget // max(n_rows, 1))
+        n_points = max(_FEWEST_POINTS, self._budget // max(n_rows, 1))
         if grid.n_x * grid.n_y <= n_points:
             return grid.points().reshape(-1, 3)
         # Sums of a few pulses are wide: a few of their pixels tell where power is.
-        step = max(1, math.ceil(n_rows / 128))
-        columns, n_tiles = -(-grid.n_x // self._tile), self._tiles()
-        if self._tile < TILE:  # a pixel of each tile, and fewer pulses
-            step = max(step, math.ceil(n_rows * n_tiles / self._budget / 2))
-            step = min(step, max(1, n_rows // _FEWEST_ROWS))
+        columns, n_tiles = -(-grid.n_x // _TILE), -(-grid.n_x // _TILE) * -(-grid.n_y // _TILE)
+        step = max(1, math.ceil(n_rows / 128), math.ceil(n_rows * n_tiles / self._budget / 2))
+        step = min(step, max(1, n_rows // _FEWEST_ROWS))
         few = rows.thinned(step)
         stride = max(2, math.ceil(math.sqrt(grid.n_x * grid.n_y * len(few.tx_m) / self._budget)))
-        stride = min(stride, self._tile) if self._tile < TILE else stride
+        stride = min(stride, _TILE)
         y, x = (np.arange(stride // 2, n, stride) for n in grid.shape)
         coarse = np.stack(np.broadcast_arrays(grid.x_m[x], grid.y_m[y][:, None], grid.z_m), -1)
         _, power, _ = few.sums(coarse.reshape(-1, 3))
-        tile = (y[:, None] // self._tile * columns + x // self._tile).ravel()
+        tile = (y[:, None] // _TILE * columns + x // _TILE).ravel()
         mean = (np.bincount(tile, np.square(power, dtype=float), n_tiles)
                 / np.maximum(np.bincount(tile, minlength=n_tiles), 1))
-        return self._of_tiles(np.argsort(-mean)[:max(1, n_points // self._tile**2)], columns)
-
-    def _tiles(self) -> int:
-        return -(-self.grid.n_x // self._tile) * -(-self.grid.n_y // self._tile)
+        return self._of_tiles(np.argsort(-mean)[:max(1, n_points // _TILE**2)], columns)
 
     def _of_tiles(self, tiles, columns: int) -> np.ndarray:
         grid = self.grid
-        side = np.arange(self._tile)
-        y = (tiles // columns * self._tile)[:, None, None] + side[:, None]
-        x = (tiles % columns * self._tile)[:, None, None] + side
+        side = np.arange(_TILE)
+        y = (tiles // columns * _TILE)[:, None, None] + side[:, None]
+        x = (tiles % columns * _TILE)[:, None, None] + side
         y, x = np.broadcast_arrays(y, x)
         inside = (y < grid.n_y) & (x < grid.n_x)
         x_m, y_m = grid.x_m[x[inside]], grid.y_m[y[inside]]

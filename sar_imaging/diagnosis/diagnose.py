@@ -58,7 +58,6 @@ _CLEARLY = 2.0  # in focus, whatever else is sharper
 NOTHING = 1.3  # below it nothing stands out
 LEAST = 1.45  # contrast with which something focuses at all
 FEWEST_PULSES = 16
-TILE = 4  # pixels: power of few pulses is wide across range, and narrow along it
 FINE_BUDGET, COARSE_BUDGET = 500_000, 250_000  # points times rows of a search
 FEW_PULSES = 128  # of the first look of a search
 _FEWEST_ALONE = 64  # pulses of a channel that is looked at alone
@@ -259,7 +258,7 @@ class _Tried:
 
         Of what stands out: half of the pulses may agree over wide parts.
         """
-        probe = CoherenceProbe(self.grid, BUDGET // 4, TILE)
+        probe = CoherenceProbe(self.grid, BUDGET // 4)
         pairs = [[probe(b.select(slice(k, None, 2))) for b in (self.profiles, self.told)]
                  for k in (0, 1)]
         # scatterers may be in the other half without the mistake
@@ -278,7 +277,7 @@ class _Tried:
         if shared.all():
             return self
         profiles, told = (b.select(shared) for b in (self.profiles, self.told))
-        probe = CoherenceProbe(self.grid, BUDGET, TILE)
+        probe = CoherenceProbe(self.grid)
         return dataclasses.replace(self, result=probe(profiles), before=probe(told),
                                    profiles=profiles, told=told)
 
@@ -435,7 +434,7 @@ class _Attempts:
     def __init__(self, block: PulseBlock, grid: MapGrid, window: str):
         self._block, self._grid, self._window = block, grid, window
         self._profiles = self._compressed(block)
-        self._probe = CoherenceProbe(grid, BUDGET, TILE)
+        self._probe = CoherenceProbe(grid)
         self.first = self._probe(self._profiles)
         self._tells_slope = not block.compressed and block.radar.waveform in RAMPS
         self.blind: list[str] = []  # mistakes with which the aperture is as much in focus
@@ -554,7 +553,7 @@ class _Attempts:
         Values that leave out pulses are compared with the same pulses as they are: a part of an
         aperture agrees over wider parts of the scene than all of it.
         """
-        coarse, fine = (CoherenceProbe(self._grid, n, TILE)
+        coarse, fine = (CoherenceProbe(self._grid, n)
                         for n in (COARSE_BUDGET, FINE_BUDGET))
         few, some = (block.select(slice(None, None, -(-block.n_pulses // n)))
                      for n in (FEW_PULSES, 2 * FEW_PULSES))

@@ -12,8 +12,8 @@ from ..signal.background import subtract_background
 from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
 from .channel_phases import phase_findings
-from .coherence import BUDGET, CoherenceProbe, profiles_of, resolved
-from .diagnose import BETTER, TILE, Diagnosis, diagnose, one_channel
+from .coherence import CoherenceProbe, profiles_of, resolved
+from .diagnose import BETTER, Diagnosis, diagnose, one_channel
 from .hypotheses import distances, reach_advice, with_offset
 from .lever_arm import LeverArm, course, find_lever_arm, with_arm
 from .signals import (
@@ -205,7 +205,7 @@ def _over_offset(block: PulseBlock, grid: MapGrid, window: str, armed: PulseBloc
     """
     later = with_offset(block, offset_s)
     kept = np.isin(block.counter, later.counter)
-    probe = CoherenceProbe(resolved(grid, block), BUDGET, TILE)
+    probe = CoherenceProbe(resolved(grid, block))
     arm, offset = (probe(profiles_of(one_channel(b), window)).spread
                    for b in (armed.select(kept), later))
     return arm / max(offset, 1.0)

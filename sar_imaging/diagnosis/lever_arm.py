@@ -29,7 +29,7 @@ from .coherence import (
     profiles_of,
     resolved,
 )
-from .diagnose import BETTER, FINE_BUDGET, LEAST, TILE, least_contrast, one_channel
+from .diagnose import BETTER, FINE_BUDGET, LEAST, least_contrast, one_channel
 from .signals import LIKELY, ONE_OF_SEVERAL, Finding
 from .track import jumps
 
@@ -162,7 +162,7 @@ def find_lever_arm(block: PulseBlock, attitude: Rotation, grid: MapGrid, *,
     # an arm may be all that makes an aperture
     grid = resolved(grid, _moved(block, 0.3 * _LONGEST_M * moves[:, :, 0]))
     # the same pixels for all arms: these are not to displace the scene
-    fine, whole = (CoherenceProbe(grid, n, TILE).fixed(profiles) for n in (FINE_BUDGET, BUDGET))
+    fine, whole = (CoherenceProbe(grid, n).fixed(profiles) for n in (FINE_BUDGET, BUDGET))
 
     def spread(arm, pulses=slice(None)) -> float:
         return fine(_moved(profiles.select(pulses), moves[pulses] @ arm)).spread
@@ -260,7 +260,7 @@ def _likely(profiles: PulseBlock, moves: np.ndarray, grid: MapGrid, blur_rad: np
     """
     lengths_m = _lengths(blur_rad)
     shape = tuple(map(len, lengths_m))
-    probe = CoherenceProbe(grid, _FIRST_LOOK // math.prod(shape), TILE).fixed(profiles)
+    probe = CoherenceProbe(grid, _FIRST_LOOK // math.prod(shape)).fixed(profiles)
     figures = np.reshape([probe(_moved(profiles, moves @ np.array(arm))).spread
                           for arm in itertools.product(*lengths_m)], shape)
     peaks = np.argwhere(figures == ndimage.maximum_filter(figures, 3))

@@ -20,9 +20,8 @@ from scipy.special import stdtrit
 
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
-from .coherence import BUDGET, CoherenceProbe, GroupSums
+from .coherence import CoherenceProbe, GroupSums
 
-_TILE = 4
 _MOST_SCATTERERS = 48
 _BRIGHTEST = 4000  # pixels among which they are looked for
 _APART = 1.5  # resolution cells
@@ -109,7 +108,7 @@ def _mean(scales: np.ndarray, weight: np.ndarray) -> WalkScale:
 
 def _scatterers(profiles: PulseBlock, grid: MapGrid) -> np.ndarray:
     """(K, 3) positions of the brightest local maxima of the image, metres."""
-    probe = CoherenceProbe(grid, BUDGET, _TILE).fixed(profiles)
+    probe = CoherenceProbe(grid).fixed(profiles)
     points, magnitude = probe.points, np.abs(probe.sums(profiles))
     bright = np.argsort(-magnitude)[:_BRIGHTEST]
     bright = bright[magnitude[bright] > 0]
