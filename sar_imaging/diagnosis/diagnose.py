@@ -315,7 +315,7 @@ class _Tried:
 
         Pulses agree as well on a mirrored scene, unless the grid holds little of one of them. An
         aperture that fills a plane shows one height of a scene, and another one with other ranges
-        or axes: which of them holds more is no matter of focus.
+        or upside down: which of them holds more is no matter of focus.
         """
         before = self.before
         if (before.agreement <= NOISE
@@ -323,9 +323,15 @@ class _Tried:
             return False
         mirrored = self.mistake.isometry or (
             self.mistake is ORDER and congruent(self.told, self.profiles))
-        if fills_a_plane(self.told):
+        if not self._keeps_heights() and fills_a_plane(self.told):
             return mirrored or before.contrast > _CLEARLY
         return mirrored and self.gain < _PLAINLY
+
+    def _keeps_heights(self) -> bool:
+        """Whether positions are as high as before, but for a common height, and ranges as long."""
+        z_m, before_m = (b.phase_centre_m[:, 2] for b in (self.profiles, self.told))
+        return not self.mistake.of_samples and bool(
+            np.ptp(z_m - before_m) < 0.5 * max(float(np.ptp(before_m)), 1e-9))
 
 
 def least_contrast(contrast: float) -> float:
