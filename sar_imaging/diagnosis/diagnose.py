@@ -111,8 +111,8 @@ class Diagnosis:
     alternatives : tuple of str
         Names of other mistakes that explain the image as well as the one that is named.
     undecided : tuple of str
-        Names of mistakes that this aperture cannot tell: the scene that is mirrored, moved or
-        scaled is as much in focus.
+        Names of mistakes that this aperture cannot tell: the scene that is mirrored, moved,
+        scaled or shown at another height is as much in focus.
     doubtful : tuple of str
         Those of them whose images are clearly sharper than the one of the data, which is not
         clearly in focus.
@@ -323,15 +323,14 @@ class _Tried:
             return False
         mirrored = self.mistake.isometry or (
             self.mistake is ORDER and congruent(self.told, self.profiles))
-        if not self._keeps_heights() and fills_a_plane(self.told):
+        if not (mirrored and self._keeps_heights()) and fills_a_plane(self.told):
             return mirrored or before.contrast > _CLEARLY
         return mirrored and self.gain < _PLAINLY
 
     def _keeps_heights(self) -> bool:
-        """Whether positions are as high as before, but for a common height, and ranges as long."""
+        """Whether a mirrored track is not upside down."""
         z_m, before_m = (b.phase_centre_m[:, 2] for b in (self.profiles, self.told))
-        return not self.mistake.of_samples and bool(
-            np.ptp(z_m - before_m) < 0.5 * max(float(np.ptp(before_m)), 1e-9))
+        return bool(np.ptp(z_m - before_m) <= self.told.radar.wavelength_m / 8)
 
 
 def least_contrast(contrast: float) -> float:
@@ -487,7 +486,8 @@ class _Attempts:
         if len(offsets):
             yield self._search(profiles, offsets, clock_offset, lambda some, offset, track:
                                with_offset(some, offset, track=track))
-        else:
+        flat = fills_a_plane(block)  # other clocks and slopes may show other heights, in focus
+        if flat or not len(offsets):
             self.blind.append('clock offset')
         if not thorough:
             return
@@ -495,12 +495,12 @@ class _Attempts:
         if len(rates):
             yield self._search(profiles, rates, clock_drift, lambda some, rate, track:
                                with_offset(some, 0.0, rate, track))
-        else:
+        if flat or not len(rates):
             self.blind.append('clock drift')
         if not self._tells_slope:
             return
         factors = slopes(profiles, places)
-        if not len(factors) or fills_a_plane(block):  # which shows other heights then
+        if flat or not len(factors):
             self.blind.append(_SLOPE)
             return
 

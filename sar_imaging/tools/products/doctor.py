@@ -163,7 +163,8 @@ def describe(block: PulseBlock, findings: Sequence[Finding], examination: Examin
     if examination.diagnosis is not None and examination.diagnosis.undecided:
         lines.append('no image of this aperture tells: '
                      f'{", ".join(examination.diagnosis.undecided)} (with it the scene is '
-                     'mirrored, moved or scaled, and as much in focus)')
+                     'mirrored, moved, scaled or shown at another height, and as much '
+                     'in focus)')
     if not findings:
         lines.append('nothing wrong was found' if not examination.untold else
                      f'this recording cannot tell: {"; ".join(examination.untold)}')
