@@ -374,9 +374,9 @@ def derive(acquisition: Acquisition, imaging: Imaging, machine: Machine) -> Deri
     azimuth_null = _ratio(wavelength, 4 * math.sin(aperture_rad / 2) * scene.across_cosine)
     range_null = _ratio(radar.range_resolution_m, scene.grazing_cosine)
     shortest = radar.shortest_wavelength_m
-    needed = scene.direction_extent
+    illuminated = scene.direction_extent
     if a.beamwidth_rad:
-        needed = min(needed, 2 * math.sin(a.beamwidth_rad / 2))
+        illuminated = min(illuminated, 2 * math.sin(a.beamwidth_rad / 2))
     pulse = a.n_channels * SAMPLE_BYTES
     blocks = imaging.pulses_per_block * pulse
     n_pixels = imaging.n_pixels
@@ -390,9 +390,9 @@ def derive(acquisition: Acquisition, imaging: Imaging, machine: Machine) -> Deri
         pulse_spacing_m=step, aperture_m=step * (imaging.pulses_per_aperture - 1),
         aperture_s=imaging.pulses_per_aperture / a.prf_hz, aperture_rad=aperture_rad,
         azimuth_null_m=azimuth_null, azimuth_width_m=width_factor('none') * azimuth_null,
-        unambiguous_direction=shortest / (2 * step), needed_direction=needed,
+        unambiguous_direction=shortest / (2 * step), needed_direction=illuminated,
         ambiguity_m=wavelength * scene.range_m / (2 * step),
-        least_prf_hz=2 * a.speed_m_per_s * needed / shortest,
+        least_prf_hz=2 * a.speed_m_per_s * illuminated / shortest,
         largest_prf_hz=radar.sample_rate_hz / a.n_samples,
         input_rate=a.prf_hz * pulse * a.n_samples, profile_rate=a.prf_hz * pulse * n_profile,
         block_bytes=blocks * a.n_samples, profile_block_bytes=blocks * n_profile,

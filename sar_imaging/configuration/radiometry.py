@@ -61,9 +61,9 @@ def check_radiometry(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:
 def _check_pattern(parameters: Mapping[str, object], imager: Mapping[str, object]) -> None:
     """Fusion takes the pattern out that backprojection has weighed by."""
     for name in ('pattern', 'azimuth_width', 'elevation_width', 'cutoff', 'pattern_file'):
-        own, wanted = (values[f'antenna.{name}'] for values in (parameters, imager))
-        if own != wanted:
-            raise ValueError(f'antenna.{name}={own}, but images are weighed with {wanted} by '
+        given, wanted = (values[f'antenna.{name}'] for values in (parameters, imager))
+        if given != wanted:
+            raise ValueError(f'antenna.{name}={given}, but images are weighed with {wanted} by '
                              'backprojection; set both alike')
 
 

@@ -17,7 +17,6 @@ from sar_imaging.streaming.mosaic import StripMosaic
 from sar_imaging.streaming.subaperture_image import SubapertureImage
 
 from .antenna import PATTERN_PARAMETERS, pattern_from
-from .backprojection import MIN_PULSE_FRACTION
 from .images import (
     autofocus,
     focus_watch,
@@ -38,7 +37,7 @@ from .runtime.inlet import SubapertureImages
 from .runtime.managed import ManagedNode, run
 from .runtime.parameters import ANY_TIME, BACKEND, Parameter, backend_of
 from .runtime.stage import Stage
-from .runtime.step import LiveStep
+from .runtime.step import MIN_PULSE_FRACTION, LiveStep
 
 PARAMETERS = (
     Parameter('images_every', 0, 'Sub-apertures from one image of an aperture underway to the '

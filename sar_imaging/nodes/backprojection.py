@@ -56,7 +56,6 @@ from .runtime.block_output import UNTAKEN, BlockOutput
 from .runtime.health import Cause, Health, Part
 from .runtime.managed import ManagedNode, run
 from .runtime.parameters import (
-    ANY_TIME,
     BACKEND,
     ConfigurationError,
     Parameter,
@@ -65,21 +64,16 @@ from .runtime.parameters import (
     refused,
 )
 from .runtime.stage import Stage
-from .runtime.step import LiveStep
+from .runtime.step import APERTURE_TIMEOUT, MIN_PULSE_FRACTION, LiveStep
 
 IMAGE, SUBAPERTURES, VOLUME = 'image', 'subapertures', 'volume'
-MIN_PULSE_FRACTION = Parameter(
-    'min_pulse_fraction', 0.5, 'Least share of its pulses that an aperture needs to be imaged.',
-    '', 0.0, 1.0, changes=ANY_TIME)
-
 PARAMETERS = (
     Parameter('mode', IMAGE, f'{IMAGE}: exact images of whole apertures; {SUBAPERTURES}: '
               f'sub-aperture images for afbp_fusion; {VOLUME}: exact volumes as point clouds.',
               check=one_of(IMAGE, SUBAPERTURES, VOLUME)),
     *GRID_PARAMETERS,
     TERRAIN_FILE,
-    Parameter('aperture_timeout_s', 5.0, 'An aperture is closed when no input came for this long, '
-              'by the wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME),
+    APERTURE_TIMEOUT,
     MIN_PULSE_FRACTION,
     Parameter('method', EXACT, f'Imager in mode {IMAGE}: {EXACT} backprojection, as pulses come; '
               f'{AFBP} of whole apertures; {AUTO}: of these the quicker one that meets target_db.',
@@ -129,9 +123,13 @@ class BackprojectionStep(LiveStep):
                   'restarts': 'restarts'}
     IDLE_PARAMETER = 'aperture_timeout_s'
     SAVE_SERVICE = 'save_image'
+    WITHOUT_TERRAIN = ''  # why, where it is impossible on terrain
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
+        if parameters[TERRAIN_FILE.name] and self.WITHOUT_TERRAIN:
+            raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: {self.WITHOUT_TERRAIN}; use '
+                                     f'mode {IMAGE} on terrain')
         self._grid = make_grid(parameters)
         self._pattern = pattern_from(parameters)
         imaging = imaging_from_parameters(parameters)
@@ -296,9 +294,9 @@ class ImageStep(BackprojectionStep):
         """An image in words."""
         missing = describe_counters(product.missing.tolist()) if product.n_missing else 'none'
         verdict = f', {product.focus.verdict}' if product.focus else ''
-        way = '' if product.method == EXACT else f', by {product.method}'
+        method = '' if product.method == EXACT else f', by {product.method}'
         return (f'image of aperture {product.aperture}: {product.n_pulses} pulses, '
-                f'missing {missing}{way}{verdict}')
+                f'missing {missing}{method}{verdict}')
 
     def saving(self) -> Callable[[], str]:
         """Function that writes the last image; see `Step`."""
@@ -322,10 +320,10 @@ class ImageStep(BackprojectionStep):
             self._files.keep(image, lambda: Acquisition.of(pulses(), antenna=self._pattern),
                              self._brightness.factors(image, pulses))
         if self._obstacles is not None:  # by the contrast to what is around: as it was formed
-            lit = (None if self._pattern is None else
-                   lambda: self._pulses.lit(counters, product.grid, self._pattern))
+            illuminated = (None if self._pattern is None else
+                           lambda: self._pulses.lit(counters, product.grid, self._pattern))
             self._obstacles.publish(product.image, product.grid, product.stamp_ns,
-                                    lambda: self._pulses.view(counters), lit)
+                                    lambda: self._pulses.view(counters), illuminated)
 
     def _image(self, product: ApertureImage) -> Image:
         """The image with all that files tell of it."""
@@ -350,6 +348,7 @@ class ImageStep(BackprojectionStep):
 class SubapertureStep(BackprojectionStep):
     """Range profiles to sub-aperture images; see `LiveSubapertures`."""
 
+    WITHOUT_TERRAIN = 'sub-apertures are fused on a plane'
     LIVE_PARAMETERS = ()
     STATISTICS = BackprojectionStep.STATISTICS | {
         'plans_made': 'plans', 'plans_anew': 'plans_anew', 'last_plan_seconds': 'plan_seconds'}
@@ -357,9 +356,6 @@ class SubapertureStep(BackprojectionStep):
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
         p = parameters
-        if p[TERRAIN_FILE.name]:
-            raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: sub-apertures are fused on '
-                                     f'a plane; use mode {IMAGE} on terrain')
         follow_m = ((p['subapertures.follow_ahead'], p['subapertures.follow_left'])
                     if p['subapertures.follow'] else None)
         chosen = backend_of(p)
@@ -428,11 +424,7 @@ class SubapertureStep(BackprojectionStep):
 class VolumeStep(ImageStep):
     """Range profiles to volumes; see `ApertureImager`."""
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
-        if parameters[TERRAIN_FILE.name]:
-            raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: a volume has level '
-                                     f'layers; use mode {IMAGE} on terrain')
-        super().__init__(parameters, health)
+    WITHOUT_TERRAIN = 'a volume has level layers'
 
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publisher of the clouds; see `Step`."""

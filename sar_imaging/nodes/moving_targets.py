@@ -33,7 +33,7 @@ from .runtime.managed import LATCHED, ManagedNode, run
 from .runtime.parameters import ANY_TIME, Parameter, one_of
 from .runtime.saving import SAVE_FOLDER, file_stem
 from .runtime.stage import Stage
-from .runtime.step import LiveStep
+from .runtime.step import APERTURE_TIMEOUT, MIN_PULSE_FRACTION, LiveStep
 
 PARAMETERS = (
     *GRID_PARAMETERS,
@@ -45,10 +45,8 @@ PARAMETERS = (
               'or exponential.', check=one_of('k', 'exponential')),
     Parameter('window', 'hamming', 'Taper over the aperture, as the windows of '
               'range_compression.', check=parse_window),
-    Parameter('aperture_timeout_s', 5.0, 'An aperture is closed when no input came for this long, '
-              'by the wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME),
-    Parameter('min_pulse_fraction', 0.5, 'Share of its pulses that an aperture must have.', '',
-              0.0, 1.0, changes=ANY_TIME),
+    APERTURE_TIMEOUT,
+    MIN_PULSE_FRACTION,
     SAVE_FOLDER,
     Parameter('save.points_format', GEOJSON, 'What ~/save_targets writes: geojson or csv.',
               check=one_of(*FORMATS), changes=ANY_TIME),

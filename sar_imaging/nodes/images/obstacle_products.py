@@ -73,7 +73,7 @@ class _Look:
     grid: MapGrid
     stamp_ns: int
     view: Callable[[], ApertureView]
-    lit: Callable[[], np.ndarray] | None
+    illuminated: Callable[[], np.ndarray] | None
 
 
 class ObstacleProducts:
@@ -145,7 +145,7 @@ class ObstacleProducts:
 
     def publish(self, image: np.ndarray, grid: MapGrid, stamp_ns: int,
                 view: Callable[[], ApertureView],
-                lit: Callable[[], np.ndarray] | None = None) -> None:
+                illuminated: Callable[[], np.ndarray] | None = None) -> None:
         """Add the evidence of an image and publish, if somebody listens.
 
         Parameters
@@ -158,11 +158,11 @@ class ObstacleProducts:
             Middle of the aperture, nanoseconds.
         view : callable
             Returns the aperture, or raises ValueError where it cannot be told.
-        lit : callable, optional
-            Returns the pixels (n_y, n_x) bool that the antenna lit: they take the place of
+        illuminated : callable, optional
+            Returns the pixels (n_y, n_x) bool that the antenna illuminated: they take the place of
             `obstacles.beamwidth`.
         """
-        self._latest = _Look(image, grid, stamp_ns, view, lit)
+        self._latest = _Look(image, grid, stamp_ns, view, illuminated)
         self._publish()
 
     def _listened(self) -> list:
@@ -194,7 +194,7 @@ class ObstacleProducts:
                 look.grid, view, false_alarms=p['obstacles.false_alarms'],
                 beamwidth_rad=math.radians(p['obstacles.beamwidth']),
                 squint_rad=math.radians(p['obstacles.squint']),
-                lit=None if look.lit is None else look.lit())
+                lit=None if look.illuminated is None else look.illuminated())
             self._map.memory_s = p['obstacles.memory_s']
             self._map.add(detector(look.image), look.stamp_ns)
         except (ValueError, MemoryError) as error:

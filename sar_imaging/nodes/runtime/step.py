@@ -13,7 +13,7 @@ from sar_imaging.signal.pulses.sequence import StreamEvent
 
 from .health import Health, Part
 from .inlet import Inlet, PulseBlocks
-from .parameters import Parameter
+from .parameters import ANY_TIME, Parameter
 
 if TYPE_CHECKING:
     from sar_imaging.signal.pulses.apertures import ApertureSequence
@@ -206,6 +206,14 @@ class Step:
                 self.health.info(event.text)
             else:
                 self.health.warning(event.text)
+
+
+APERTURE_TIMEOUT = Parameter(
+    'aperture_timeout_s', 5.0, 'An aperture is closed when no input came for this long, by the '
+    'wall clock.', 's', 0.01, 3600.0, changes=ANY_TIME)
+MIN_PULSE_FRACTION = Parameter(
+    'min_pulse_fraction', 0.5, 'Least share of its pulses with which an aperture is used.',
+    '', 0.0, 1.0, changes=ANY_TIME)
 
 
 class LiveStep(Step):
