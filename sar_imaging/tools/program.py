@@ -151,15 +151,25 @@ def _without_warnings() -> Iterator[None]:
 @contextlib.contextmanager
 def _interruptible() -> Iterator[None]:
     """Ctrl-C, unless the shell ignores it for a job in the background, and SIGTERM interrupt."""
-    previous = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    unraisable = sys.unraisablehook
+
+    def not_lost(raised):
+        if raised.exc_type is KeyboardInterrupt:  # of a destructor, or what else cannot raise
+            _interrupt_at_next_line(sys._getframe(1))
+        else:
+            unraisable(raised)
+
     try:
-        for number, handler in previous.items():
+        sys.unraisablehook = not_lost
+        for number, handler in handlers.items():
             if number == signal.SIGTERM or handler != signal.SIG_IGN:
                 signal.signal(number, _interrupt)
         yield
     finally:
-        for number, handler in previous.items():
+        for number, handler in handlers.items():
             signal.signal(number, handler)
+        sys.unraisablehook = unraisable
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
@@ -175,7 +185,11 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
         frame = frame.f_back
     if caller is None:
         raise KeyboardInterrupt
-    caller.f_trace = _interrupt_traced
+    _interrupt_at_next_line(caller)
+
+
+def _interrupt_at_next_line(frame: FrameType) -> None:
+    frame.f_trace = _interrupt_traced
     sys.settrace(lambda *_: None)  # without one, Python does not look at those of frames
 
 

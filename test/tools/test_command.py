@@ -87,3 +87,20 @@ def test_an_interrupt_waits_until_llvm_has_returned(capsys, number):
     later.start()
     later.join(60)
     assert not later.is_alive()
+
+
+def test_an_interrupt_within_a_destructor_is_not_lost(capsys):
+    class Dropped:
+        def __del__(self):  # what it raises, Python cannot hand on
+            signal.raise_signal(signal.SIGINT)
+
+    reached = []
+
+    def work():
+        kept = Dropped()
+        del kept
+        reached.append('after the interrupt')
+
+    assert run_command(work) == 130
+    assert capsys.readouterr().err == 'interrupted; nothing was written\n'
+    assert not reached
