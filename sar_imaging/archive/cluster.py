@@ -51,7 +51,7 @@ def open_cluster(output: Path, *, scheduler: str | None = None, workers: int | N
         Address of a running cluster, such as ``tcp://10.0.0.1:8786``; without it, workers of this
         machine are started, and stopped in the end.
     workers : int, optional
-        Of this machine; one for each core unless told.
+        Workers of this machine; one for each core unless told.
     memory_bytes : int, optional
         Bound of a worker. Workers of a running cluster must be allowed as much.
 
@@ -163,7 +163,7 @@ def trouble_of_worker(witness: Path, version: str, memory_bytes: int | None,
     witness : path
         A file or folder in the output folder, which the job's own process made.
     version : str
-        Of this package, at the job's own process.
+        Version of this package, at the job's own process.
     memory_bytes : int or None
         What a piece may take.
     dask_worker : distributed.Worker

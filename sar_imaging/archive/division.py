@@ -61,7 +61,7 @@ class Prediction:
     seconds : float
         On one core.
     memory_bytes : int
-        Of its process, at most.
+        Memory of its process, at most.
     """
 
     method: str
@@ -76,7 +76,7 @@ class Pulses:
     Attributes
     ----------
     radar : RadarParameters
-        Of the profiles.
+        Radar parameters of the profiles.
     n_samples : int
         Their length.
     tx_m, rx_m : (P, C, 3) float64
@@ -246,9 +246,9 @@ def divide_aperture(job: Job, pulses: Pulses, window: Window) -> Division:
     job : Job
         With the bound of memory.
     pulses : Pulses
-        Of the aperture.
+        Pulses of the aperture.
     window : Window
-        Of its image.
+        Window of its image.
 
     Returns
     -------
@@ -372,7 +372,7 @@ class ArchivePlan:
     pieces : tuple of Piece
         Those that others need stand before them.
     n_apertures : int
-        Of all recordings.
+        Number of apertures of all recordings.
     window : Window or None
         Whole tiles of the map; None without any aperture.
     """

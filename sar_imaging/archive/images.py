@@ -57,13 +57,15 @@ class AperturePulses:
     Attributes
     ----------
     counter, stamp_ns, tx_m, rx_m : arrays (P,), (P,), (P, C, 3), (P, C, 3)
-        Of these pulses, ascending counters; times in nanoseconds, places in metres.
+        Counters, times, transmit phase centres and receive phase centres of these pulses,
+        ascending counters; times in nanoseconds, places in metres.
     radar : RadarParameters
-        Of the profiles.
+        Radar parameters of the profiles.
     n_samples : int
         Their length.
     illumination : AntennaPattern or None
-        Of the recording's antenna; the profiles then have their pointing, in the map's frame.
+        Illumination of the recording's antenna; the profiles then have their pointing, in the
+        map's frame.
     """
 
     def __init__(self, scan: ApertureScan, output: Path,
@@ -372,9 +374,9 @@ class StoredImage:
     Attributes
     ----------
     name : str
-        Of the aperture.
+        Name of the aperture.
     window : Window
-        Of its image.
+        Window of its image.
     footprint_m : ((x, y), ...) floats
         Corners of what it tells something about, metres.
     parts : tuple of Window

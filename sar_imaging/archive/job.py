@@ -63,9 +63,9 @@ class Brightness:
     quantity : str
         One of `sar_imaging.radiometry.QUANTITIES`.
     gain_m : float
-        Of the radar constant, metres times the unit of the samples.
+        Gain of the radar constant, metres times the unit of the samples.
     noise_power : float or None
-        Of a sample of a range profile; None if not known.
+        Noise power of a sample of a range profile; None if not known.
     window : str
         Spectral window of range profiles in recordings; raw pulses are compressed without one.
     """
@@ -93,21 +93,22 @@ class Job:
     output : Path
         Folder of the results.
     spacing_m : float
-        Of the map's pixels, metres.
+        Spacing of the map's pixels, metres.
     datum : Datum or None
-        Of the map's frame; None until the first recording tells it, and where none does.
+        Datum of the map's frame; None until the first recording tells it, and where none does.
     area_m : (4,) floats or None
         Smallest x and y, largest x and y of the map, metres of its frame; None for all that the
         recordings tell.
     height_m : float
-        Of the map's surface above the plane or ellipsoid through the frame's origin, metres.
+        Height of the map's surface above the plane or ellipsoid through the frame's origin,
+        metres.
     surface : str
         ``'plane'`` or ``'ellipsoid'``, which pixels lie on.
     crs : str or None
         Projection of GeoTIFF files, such as ``'EPSG:32632'``; None for what `write_geotiff`
         chooses.
     method : str
-        Of `plan_image`.
+        Method of `plan_image`.
     target_db : float
         Wanted error of aperture images against time-domain correlation, dB.
     products : Products
@@ -119,7 +120,7 @@ class Job:
     longest_piece_s : float
         Predicted seconds that a piece may take on one core.
     checked_pixels : int
-        Of each aperture image, compared with correlation; 0 for none.
+        Number of pixels of each aperture image, compared with correlation; 0 for none.
     retries : int
         How often a piece is tried again after its worker died.
     datum_from : str

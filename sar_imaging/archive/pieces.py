@@ -83,7 +83,7 @@ class ImagePiece(Piece):
     pulses : (int, int)
         Index of the first pulse, by counter, and of the one after the last.
     method : str
-        Of `plan_image`, chosen by the scan: pulses of ``'exact'`` are streamed.
+        Method of `plan_image`, chosen by the scan: pulses of ``'exact'`` are streamed.
     partial : str
         Name of the partial image; empty where it is the image itself on these pixels.
     """
@@ -183,7 +183,8 @@ class PieceResult:
     Attributes
     ----------
     predicted_error_db, measured_error_db : float or None
-        Of aperture images against time-domain correlation, dB; None where there is none.
+        Predicted error and measured error of aperture images against time-domain correlation, dB;
+        None where there is none.
     warnings : tuple of str
         What a person should know.
     files : tuple of str

@@ -30,9 +30,9 @@ class PixelCheck:
     Attributes
     ----------
     row, column : (K,) int64
-        Of the map's lattice.
+        Rows and columns of the map's lattice.
     power : (K,) float64
-        Of the mosaic.
+        Power of the mosaic.
     reference : (K,) float64
         Mean power of correlation over the apertures.
     looks, reference_looks : (K,) int64
@@ -68,7 +68,7 @@ def check_mosaic(output: Path, n_pixels: int = 100, *, seed: int = 0,
     n_pixels : int
         To compare, of those that have a look.
     seed : int
-        Of their choice.
+        Seed of their choice.
     lost : collection of str
         Names of apertures that the mosaic goes without.
 

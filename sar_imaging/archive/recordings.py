@@ -240,7 +240,7 @@ def footprint(source: Source, coverage: Coverage, job: Job, *, alone: bool) -> F
     source : Source
         The aperture.
     coverage : Coverage
-        Of its range profiles, in the map's frame.
+        Coverage of its range profiles, in the map's frame.
     job : Job
         With the map's frame.
     alone : bool
@@ -408,7 +408,7 @@ def scan_recording(path: Path, name: str, job: Job, output: Path) -> RecordingSc
     path : Path
         Recording or CPHD file.
     name : str
-        Of it in the archive.
+        Name of it in the archive.
     job : Job
         With the datum of the map's frame, see `finding.with_datum`.
     output : Path

@@ -76,7 +76,7 @@ class Records:
         Parameters
         ----------
         key : str
-            Of the piece.
+            Key of the piece.
         mark : str
             Its fingerprint.
 

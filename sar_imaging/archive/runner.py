@@ -88,9 +88,9 @@ class Outcome:
         'done'; 'lost', for good; 'stop', no piece would go better: the disk is full, or a worker
         lacks something.
     reason : str
-        Of what is not done, one line.
+        Reason of what is not done, one line.
     record : dict or None
-        Of what is done.
+        Record of what is done.
     where : str
         Last lines of the traceback of an error.
     """
@@ -246,7 +246,7 @@ class Summary:
     Attributes
     ----------
     n_pieces : int
-        Of the job.
+        Number of pieces of the job.
     n_computed : int
         Computed in this run.
     n_found : int
@@ -258,9 +258,9 @@ class Summary:
     interrupted : bool
         Ctrl-C.
     seconds : float
-        Of this run, on the clock.
+        Seconds of this run, on the clock.
     computing_seconds : float
-        Of all pieces of this run, on their workers.
+        Seconds of all pieces of this run, on their workers.
     peak_bytes : int
         Largest resident memory of a worker.
     peak_key : str

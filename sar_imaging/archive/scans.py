@@ -78,7 +78,7 @@ class Loss:
     name : str
         Recording, aperture or piece.
     path : Path or None
-        Of the recording, where there is one.
+        Path of the recording, where there is one.
     reason : str
         One line.
     """
@@ -95,7 +95,7 @@ class RecordingScan:
     Attributes
     ----------
     name : str
-        Of the recording.
+        Name of the recording.
     apertures : tuple of ApertureScan
         Those that can be imaged.
     losses : tuple of Loss
@@ -151,11 +151,12 @@ class ApertureScan:
     aperture : int or None
         Number that `open_pulses` takes; None for a file with one.
     fingerprint : str
-        Of the recording: sizes of its files and a checksum of their first and last bytes.
+        Fingerprint of the recording: sizes of its files and a checksum of their first and last
+        bytes.
     kind : str
         ``'recording'`` or ``'CPHD'``.
     radar : RadarParameters
-        Of its samples.
+        Radar parameters of its samples.
     n_pulses, n_channels, n_samples : int
         Sizes.
     compressed : bool
@@ -163,7 +164,7 @@ class ApertureScan:
     first_ns, last_ns : int
         Times of the first and the last pulse, nanoseconds.
     datum : Datum or None
-        Of the recording; its phase centres in `centres` are in the map's frame already.
+        Datum of the recording; its phase centres in `centres` are in the map's frame already.
     footprint_m : ((x, y), ...) floats
         Corners of what it tells something about, in the map's frame, metres.
     window : Window
@@ -173,7 +174,7 @@ class ApertureScan:
     range_m : float
         Median distance of the window's middle from the phase centres, metres.
     reads_bytes : int
-        Of its samples on disk.
+        Bytes of its samples on disk.
     division : Division
         How its image is made.
     centres : str

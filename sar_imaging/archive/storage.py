@@ -60,9 +60,9 @@ class TiledArray:
         Parameters
         ----------
         dtype : dtype
-            Of the values.
+            Data type of the values.
         fill_value : number
-            Of pixels that nobody wrote.
+            Value of pixels that nobody wrote.
         attributes : mapping, optional
             What readers are told, of JSON types; `extent` is added.
         """
@@ -112,7 +112,7 @@ class TiledArray:
         Parameters
         ----------
         window : Window
-            Of the values.
+            Window of the values.
         values : (rows, columns) array
             Its pixels.
         whole : Window

@@ -154,7 +154,7 @@ def surface_z(x_m, y_m, datum: Datum, height_m: float = 0.0) -> np.ndarray:
     x_m, y_m : (...) array_like
         Places in the frame, broadcast together, metres.
     datum : Datum
-        Of the frame.
+        Datum of the frame.
     height_m : float
         Above the ellipsoid through the frame's origin, metres.
 
@@ -181,7 +181,7 @@ class SurfaceGrid:
     map_grid : MapGrid
         Where the pixels are in x and y.
     datum : Datum
-        Of the map's frame.
+        Datum of the map's frame.
     height_m : float
         Above the ellipsoid through the frame's origin, metres.
     """

@@ -205,7 +205,7 @@ def compute(piece: Piece, output: Path) -> PieceResult:
     Parameters
     ----------
     piece : Piece
-        Of any kind.
+        Piece of any kind.
     output : Path
         Folder of the job, with ``job.json`` and the scans.
 

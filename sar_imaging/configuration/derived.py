@@ -245,7 +245,7 @@ class Derived:
     scene : Scene
         What the platform sees of the grid.
     profile_radar : RadarParameters
-        Of the range profiles.
+        Radar parameters of the range profiles.
     n_profile : int
         Samples of a profile.
     window_m : (2,) floats
@@ -264,7 +264,7 @@ class Derived:
     unambiguous_direction : float
         ``lambda_min / (2 v / PRF)``.
     needed_direction : float
-        Of the scene, or of the part of it that the antenna illuminates.
+        Direction of the scene, or of the part of it that the antenna illuminates.
     ambiguity_m : float
         Distance in azimuth after which scatterers repeat, ``lambda R / (2 v / PRF)``.
     least_prf_hz, largest_prf_hz : float
@@ -277,7 +277,7 @@ class Derived:
     aperture_bytes : int
         Profiles of an aperture.
     n_pixels : int
-        Of the image or volume.
+        Number of pixels of the image or volume.
     imaging_s : float
         Expected work on one image.
     obstacle_map_s : float

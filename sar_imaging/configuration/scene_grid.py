@@ -69,7 +69,7 @@ class Coverage:
     Parameters
     ----------
     radar : RadarParameters
-        Of the range profiles.
+        Radar parameters of the range profiles.
     n_samples : int
         Their length.
     tx_m, rx_m : (P, C, 3) float64
@@ -128,7 +128,7 @@ def choose_grid(coverage: Coverage, centre_m, *, plane: str = 'ground', area_m=N
     Parameters
     ----------
     coverage : Coverage
-        Of the pulses.
+        Coverage of the pulses.
     centre_m : (3,) floats
         Middle of the scene and height of the ground, metres.
     plane : str

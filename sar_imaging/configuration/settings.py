@@ -24,7 +24,7 @@ class Acquisition:
     Parameters
     ----------
     radar : RadarParameters
-        Of the samples as they come.
+        Radar parameters of the samples as they come.
     compressed : bool
         True when they are range profiles.
     n_samples, n_channels : int
@@ -112,9 +112,10 @@ class Imaging:
     pulses_per_aperture, pulses_per_block, reorder_window_pulses : int
         As the parameters of these names.
     window, range_filter : str
-        Of the range compression.
+        Window and range filter of the range compression.
     oversampling, near_range, far_range, target_db : float
-        Of the range compression and the imager, metres and dB.
+        Oversampling, near range, far range and target error of the range compression and the
+        imager, metres and dB.
     queue_depth, worker_queue_size, max_message_elements, max_image_pixels : int
         Limits.
     worker_queue_megabytes : float
@@ -128,8 +129,8 @@ class Imaging:
     autofocus_track_error, autofocus_time_offset : float
         What autofocus of mode ``'image'`` looks for, metres and seconds; 0 for none.
     volume_height, volume_spacing : float
-        Of mode ``'volume'``: extent above the grid and distance of its layers, metres; a distance
-        of 0 is that of the pixels.
+        Volume height and volume spacing of mode ``'volume'``: extent above the grid and distance
+        of its layers, metres; a distance of 0 is that of the pixels.
     radiometry_quantity : str
         What images are calibrated to; ``'none'`` for images as they are.
 

@@ -59,7 +59,7 @@ class TrackWarnings:
     acquisition : Acquisition
         Its straight track.
     n_pulses : int
-        Of an aperture.
+        Number of pulses of an aperture.
     """
 
     def __init__(self, texts: tuple[str, ...], block: PulseBlock, acquisition: Acquisition,

@@ -31,7 +31,7 @@ class Acquisition:
     Parameters
     ----------
     radar : RadarParameters
-        Of the pulses.
+        Radar parameters of the pulses.
     stamp_ns : (P,) int64
         Time of transmission of each pulse, nanoseconds since the epoch of their clock.
     tx_m, rx_m : (P, 3) float64

@@ -107,9 +107,9 @@ def write_cog(path: os.PathLike | str, values, place: Georeference, *,
     shape : (int, int)
         Rows and columns of all windows.
     dtype : dtype
-        Of the values of windows, which GDAL knows.
+        Data type of the values of windows, which GDAL knows.
     names, units : sequence of str
-        Of the bands, whose number the names tell.
+        Names and units of the bands, whose number the names tell.
     nodata : float, optional
         Value that stands for nothing.
     tags : mapping of str to str, optional
@@ -229,9 +229,9 @@ def resample(image: Image, datum: Datum, acquisition: Acquisition,
     image : Image
         On a map, on terrain, or on a level plane; sampled at 1.25 times its bandwidth or more.
     datum : Datum
-        Of its frame.
+        Datum of its frame.
     acquisition : Acquisition
-        Of its pulses.
+        Acquisition of its pulses.
     pixels : MapPixels
         Where samples are wanted.
 

@@ -98,13 +98,13 @@ def write_quicklook(path: os.PathLike | str, image: Image, datum: Datum, *,
     Parameters
     ----------
     path : path
-        Of the picture, ending in ``.png``.
+        Path of the picture, ending in ``.png``.
     image : Image
         On a map, on terrain or on a level plane.
     datum : Datum
         Place of the imaging frame on the Earth.
     crs : optional
-        Of the world file, as for `write_geotiff`.
+        Coordinate system of the world file, as for `write_geotiff`.
 
     Returns
     -------

@@ -227,7 +227,7 @@ class FocusFigure:
     peak_over_median_db : float
         Brightest pixel over the median intensity, dB; 0 for an empty image.
     entropy : float
-        Of the intensities, nats, see `sar_imaging.quality.entropy`; 0 for an empty image.
+        Entropy of the intensities, nats, see `sar_imaging.quality.entropy`; 0 for an empty image.
     contrast : float
         Standard deviation of the intensity over its mean; 0 for an empty image.
 

@@ -114,7 +114,7 @@ def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int
         First multiply the image by the complex number that suits the compared pixels best: for
         images scaled otherwise than a plain sum of profiles, as those made from raw pulses are.
     seed : int
-        Of the choice of random pixels.
+        Seed of the choice of random pixels.
     progress : bool
         Show a progress bar on standard error.
     illumination : AntennaPattern, optional

@@ -33,9 +33,9 @@ def brightness(image, response: ImageResponse, constant: RadarConstant,
     image : (n_y, n_x) complex
         Image, whose squared magnitude is taken.
     response : ImageResponse
-        Of the same grid and pulses.
+        Response of the same grid and pulses.
     constant : RadarConstant
-        Of the radar.
+        Constant of the radar.
     quantity : str
         One of `QUANTITIES`. R. K. Raney et al., A plea for radar brightness, IGARSS 1994, tells
         when which is wanted.

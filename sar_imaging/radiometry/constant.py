@@ -28,7 +28,7 @@ class RadarConstant:
     Parameters
     ----------
     gain : float
-        Of the whole radar, metres times the unit of the samples.
+        Gain of the whole radar, metres times the unit of the samples.
     noise_power : float
         Mean squared magnitude of the noise in a sample of a profile; NaN if not known.
 
@@ -97,9 +97,9 @@ class RadarConstant:
         pixel : (2,) floats
             Row and column of the reflector, whole or not.
         response : ImageResponse
-            Of the image.
+            Response of the image.
         cross_section_m2 : float
-            Of the reflector, square metres; see `trihedral_cross_section_m2`.
+            Cross section of the reflector, square metres; see `trihedral_cross_section_m2`.
         noise_power : float
             As of the constructor.
 
@@ -129,7 +129,7 @@ def trihedral_cross_section_m2(edge_m: float, wavelength_m: float) -> float:
     edge_m : float
         Length a of an edge where two of its plates meet, metres.
     wavelength_m : float
-        Of the carrier, metres; the edge should be several of them.
+        Wavelength of the carrier, metres; the edge should be several of them.
 
     Returns
     -------

@@ -82,9 +82,9 @@ def image_response(grid: Grid, radar: RadarParameters, tx_m, rx_m, *,
     Parameters
     ----------
     grid : Grid
-        Of the image, with rows and columns: a map, on terrain or not, a plane, a polar grid.
+        Grid of the image, with rows and columns: a map, on terrain or not, a plane, a polar grid.
     radar : RadarParameters
-        Of the pulses.
+        Radar parameters of the pulses.
     tx_m, rx_m : (P, C, 3) array_like
         Phase centres, metres. The channels of a pulse stand close together compared with the
         aperture, and are balanced.

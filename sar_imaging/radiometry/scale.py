@@ -73,9 +73,9 @@ class KnotResponse:
         Parameters
         ----------
         grid : Grid
-            Of the image, with rows and columns; all pixels of terrain are taken.
+            Grid of the image, with rows and columns; all pixels of terrain are taken.
         radar : RadarParameters
-            Of the profiles.
+            Radar parameters of the profiles.
         tx_m, rx_m : (P, C, 3) float64
             Phase centres, metres.
         pattern, pointing : AntennaPattern and Pointing, optional
@@ -220,11 +220,11 @@ def volume_scale(grid: VolumeGrid, tx_m: np.ndarray, rx_m: np.ndarray, constant:
     Parameters
     ----------
     grid : VolumeGrid
-        Of the volume.
+        Grid of the volume.
     tx_m, rx_m : (P, C, 3) float64
         Phase centres, metres.
     constant : RadarConstant
-        Of the radar.
+        Constant of the radar.
     pattern, pointing : AntennaPattern and Pointing, optional
         By which the volume is weighed.
 
@@ -310,11 +310,12 @@ class LiveCalibration:
     Parameters
     ----------
     constant : RadarConstant
-        Of the radar.
+        Constant of the radar.
     quantity : str
         One of `QUANTITIES`.
     pattern : AntennaPattern, optional
-        Of the antenna; the pulses then have their pointing, and the images were weighed by it.
+        Pattern of the antenna; the pulses then have their pointing, and the images were weighed by
+        it.
     weighting : str
         Spectral window of the profiles, see `sar_imaging.signal.windows`.
 

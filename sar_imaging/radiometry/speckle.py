@@ -56,7 +56,7 @@ def equivalent_looks(power: np.ndarray) -> float:
     Parameters
     ----------
     power : array_like
-        Of the area, any shape; NaN is left out.
+        Power of the area, any shape; NaN is left out.
 
     Returns
     -------

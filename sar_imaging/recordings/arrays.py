@@ -56,7 +56,7 @@ class Loaded:
     Attributes
     ----------
     name, description, notes : str
-        Of the recording.
+        Name, description and notes of the recording.
     block : PulseBlock
         All pulses. They have no positions where `poses` tell these.
     poses : PoseTable or None

@@ -212,7 +212,7 @@ def read_variable(path: Path, name: str) -> np.ndarray:
     path : Path
         File of type .npy, .npz, .mat, .h5, .hdf5 or .csv, or P440 log (.csv, .txt, .log).
     name : str
-        Of the variable; .npy files have one, whatever its name.
+        Name of the variable; .npy files have one, whatever its name.
 
     Raises
     ------
@@ -376,7 +376,7 @@ def numbers(path: Path, lines: list[str], separator: str | None, n_columns: int,
     separator : str or None
         Between columns; None for blanks.
     n_columns : int
-        Of each row.
+        Number of columns of each row.
     first : int
         Number of the first row, for messages.
     expected : str

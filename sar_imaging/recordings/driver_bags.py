@@ -48,7 +48,7 @@ def read_bag_poses(path: Path, topic: str | None = None) -> PoseTable:
     path : Path
         ROS 1 file, or folder of a ROS 2 bag.
     topic : str, optional
-        Of type Odometry, PoseStamped, PoseWithCovarianceStamped or TransformStamped; needed
+        Topic of type Odometry, PoseStamped, PoseWithCovarianceStamped or TransformStamped; needed
         where the bag has several of these.
 
     Raises

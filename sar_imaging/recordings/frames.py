@@ -65,7 +65,7 @@ class FrameClock:
         Parameters
         ----------
         stamp_ns : int
-            Of the frame, nanoseconds.
+            Time of the frame, nanoseconds.
         """
         self._stamp_ns.append(stamp_ns)
         start_ns = stamp_ns - self._late_ns
@@ -196,7 +196,7 @@ class FrameConverter:
     statistics : FrameStatistics
         What happened so far.
     array : VirtualArray or None
-        Of the frames; None before the first one.
+        Array of the frames; None before the first one.
     placed : (int, int)
         Start of the latest frame, nanoseconds, and its number.
 

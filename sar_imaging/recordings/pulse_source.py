@@ -62,7 +62,7 @@ class PulseSource:
     kind : str
         ``'recording'``, ``'CPHD'`` or ``'description'``.
     radar : RadarParameters
-        Of its samples.
+        Radar parameters of its samples.
     n_samples : int
         Samples of a pulse.
     compressed : bool
@@ -99,7 +99,7 @@ class PulseSource:
     illumination : AntennaPattern or None
         Pattern of the antenna, where the file tells; its pulses then have their pointing.
     poses : PoseTable or None
-        Of the platform, where the file has them beside its pulses.
+        Poses of the platform, where the file has them beside its pulses.
     alignment : Alignment or None
         Between pulses and poses.
     proposed_window : str

@@ -175,11 +175,11 @@ def reference_to_one_range(section: Section, variable: Callable[[str], np.ndarra
     variable : callable
         Gives the variable of a name, joined over the files.
     radar : RadarParameters
-        Of the samples.
+        Radar parameters of the samples.
     samples : (P, C, N) complex64
         Phase histories.
     position_m : (P, 3) float64
-        Of the antenna, metres.
+        Position of the antenna, metres.
 
     Returns
     -------

@@ -55,9 +55,9 @@ class Recording:
     truth : dict or None
         What `recordings.make_truth` stored with it.
     radar : RadarParameters
-        Of its first readable message.
+        Radar parameters of its first readable message.
     n_samples : int
-        Of its pulses, of that message.
+        Samples of its pulses, of that message.
     compressed : bool
         Whether these are range profiles.
     uniform : bool
@@ -312,11 +312,11 @@ def placed(blocks: Iterable[PulseBlock], poses: PoseTable | None, alignment: Ali
     blocks : iterable of PulseBlock
         In the order of their pulses. Phase centres that they have stay.
     poses : PoseTable or None
-        Of the platform, for blocks without phase centres.
+        Poses of the platform, for blocks without phase centres.
     alignment : Alignment
         Between the two.
     mount : Mount, optional
-        Of the antenna.
+        Mount of the antenna.
 
     Raises
     ------

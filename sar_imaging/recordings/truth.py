@@ -34,11 +34,11 @@ def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], g
     grid : MapGrid
         Where to image the scene.
     pulses_per_aperture, n_pulses, n_channels : int
-        Of the recording.
+        Pulses per aperture, number of pulses and number of channels of the recording.
     cut_half_width_m : (2,) floats
         Half widths of the cuts for sidelobe measures, in range and azimuth, metres.
     radar : RadarParameters
-        Of the recorded samples.
+        Radar parameters of the recorded samples.
     compressed : bool
         Whether those are range profiles.
     window : str

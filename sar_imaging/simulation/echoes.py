@@ -43,7 +43,7 @@ def dense_spectrum(carrier_hz: float, first_bin: float, n_bins: int, step_hz: fl
     delays_s : (P, C, S) float64
         Two-way delays, seconds.
     amplitudes : (S,) complex128
-        Of the scatterers.
+        Amplitudes of the scatterers.
 
     Returns
     -------
@@ -132,7 +132,7 @@ def scene_spectrum(carrier_hz: float, first_bin: float, n_bins: int, step_hz: fl
     delays_s : (P, C, S) float64
         Two-way delays, seconds.
     amplitudes : (S,) or (P, C, S) complex128
-        Of the scatterers, or of the echoes.
+        Amplitudes of the scatterers, or of the echoes.
     reference_delay_s : float
         Delay of time zero of the spectrum, seconds.
 
@@ -179,7 +179,7 @@ class EchoSimulator:
     Parameters
     ----------
     radar : RadarParameters
-        Of the samples to make.
+        Radar parameters of the samples to make.
     n_samples : int
         Fast-time samples N per pulse and channel.
     compressed : bool
@@ -241,7 +241,8 @@ class EchoSimulator:
         tx_m, rx_m : (P, C, 3) float64
             Transmit and receive phase centres, metres.
         illumination : Illumination, optional
-            Of the P C echoes: scatterers return its two-way amplitude times their own.
+            Illumination of the P C echoes: scatterers return its two-way amplitude times their
+            own.
 
         Returns
         -------

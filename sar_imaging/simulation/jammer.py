@@ -26,7 +26,7 @@ class Jammer:
         Standard deviation of its complex samples in each channel, before or after range
         compression, whichever is recorded; the peak of a unit scatterer is 1.
     seed : int
-        Of the noise.
+        Seed of the noise.
 
     Examples
     --------
@@ -58,7 +58,7 @@ class Jammer:
         Parameters
         ----------
         radar : RadarParameters
-            Of the samples.
+            Radar parameters of the samples.
         n_samples : int
             Fast-time samples N of a pulse.
         rx_m : (P, C, 3) float64

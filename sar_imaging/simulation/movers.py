@@ -82,7 +82,7 @@ def mover_echoes(movers: Iterable[Mover], radar: RadarParameters, n_samples: int
     movers : iterable of Mover
         What moves.
     radar : RadarParameters
-        Of the samples to make.
+        Radar parameters of the samples to make.
     n_samples : int
         Fast-time samples per pulse and channel.
     compressed : bool

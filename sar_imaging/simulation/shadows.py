@@ -90,7 +90,7 @@ def transmission(points_m: np.ndarray, radar_m: Iterable[float], boxes: Iterable
     boxes, crowns : iterables of Box and of Crown
         What stands in the way.
     loss_db_per_m : float
-        Of crowns, one way, dB per metre.
+        Loss of crowns, one way, dB per metre.
 
     Returns
     -------

@@ -47,19 +47,19 @@ class Survey:
     n_recordings : int
         Recordings, all passes together.
     apertures : int
-        Of each recording.
+        Number of apertures of each recording.
     lines : int
         Parallel lines of flight that a pass consists of.
     passes : int
         Times that the same ground is flown over, each a little higher.
     n_channels : int
-        Of the radar.
+        Number of channels of the radar.
     pixels : int
         Sides of an aperture's square, pixels.
     spacing_m : float
         Pixels, metres; the resolution is two of them.
     overlap : float
-        Of neighbouring squares, as a share of their sides, at least 0 and below 1.
+        Overlap of neighbouring squares, as a share of their sides, at least 0 and below 1.
     reflectors, clutter : int
         For each cell of the ground.
     datum : Datum
@@ -68,7 +68,7 @@ class Survey:
         ``'plane'``: the ground is the plane z = 0 of the survey's frame; ``'ellipsoid'``: it is
         as high as the frame's origin everywhere.
     seed : int
-        Of the ground and of the noise.
+        Seed of the ground and of the noise.
 
     Raises
     ------

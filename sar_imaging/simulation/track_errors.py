@@ -83,7 +83,7 @@ def flawed_aperture(kind: str, size: float, seed: int, *, n_pulses: int = 512,
     size : float
         Largest displacement in wavelengths, or offset in seconds.
     seed : int
-        Of everything random.
+        Seed of everything random.
     n_pulses : int
         Pulses of the aperture.
     half_scene_m, spacing_m : float

@@ -60,7 +60,7 @@ class Trajectory:
     broadband_m : (3,) floats
         Standard deviation of noise that is independent from pulse to pulse, metres.
     seed : int
-        Of the broadband noise.
+        Seed of the broadband noise.
 
     Examples
     --------

@@ -51,7 +51,7 @@ class Scene:
     n_pulses : int
         Pulses.
     spacing_m : float
-        Of the pixels; range resolution and aperture resolve 0.5 m.
+        Spacing of the pixels; range resolution and aperture resolve 0.5 m.
     n_channels : int
         Channels, in one place.
     """
@@ -93,7 +93,7 @@ class Scenes:
     Attributes
     ----------
     lines, points, polar : tuple of Scene
-        Of exact images.
+        Lines, points and polar grid of exact images.
     afbp : tuple of (Scene, int)
         And the lengths of their sub-apertures.
     ffbp : tuple of Scene
@@ -415,7 +415,7 @@ def measure(name: str = 'cpu', *, rounds: int = _ROUNDS, least_s: float = _LEAST
     name : str
         Backend, ``'cpu'`` or ``'cuda'``.
     rounds : int
-        Of each experiment, at least, after one that compiles and fetches memory.
+        Rounds of each experiment, at least, after one that compiles and fetches memory.
     least_s : float
         Rounds take as long together, at least, seconds.
     progress : bool
@@ -459,7 +459,7 @@ def solve(timings: Sequence[Timing], usual: CostModel = DEFAULT
     Parameters
     ----------
     timings : sequence of Timing
-        Of all experiments.
+        Timings of all experiments.
     usual : CostModel
         The default: of the processor, or of a device.
 

@@ -136,7 +136,7 @@ def replay_command(arguments: Mapping[str, str], namespace: str = '',
     arguments : mapping
         Arguments of the launch file by name.
     namespace : str
-        Of the nodes, absolute, such as ``/radar1``; empty for none.
+        Namespace of the nodes, absolute, such as ``/radar1``; empty for none.
     remappings : sequence of (str, str)
         Names that the nodes replace, and those they take instead.
 

@@ -92,7 +92,7 @@ def rviz_layout(grid: MapGrid, frame: str, namespace: str = '') -> dict:
     frame : str
         Their frame.
     namespace : str
-        Of the nodes.
+        Namespace of the nodes.
 
     Returns
     -------

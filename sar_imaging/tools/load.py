@@ -47,7 +47,7 @@ def estimate_alignment(block: PulseBlock, poses: PoseTable, start: Alignment,
     block : PulseBlock
         Raw pulses without positions.
     poses : PoseTable
-        Of the platform.
+        Poses of the platform.
     start : Alignment
         What to begin with.
     grid : MapGrid

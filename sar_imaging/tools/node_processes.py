@@ -53,7 +53,7 @@ def parameters_from_truth(truth: Mapping, mode: str = 'image', *,
     truth : mapping
         Truth of the recording, see `recordings.make_truth`.
     mode : str
-        Of backprojection, `MODES` or another that forms what is in the truth.
+        Mode of backprojection, `MODES` or another that forms what is in the truth.
     pattern_file : str
         Where the table of a measured antenna is.
 

@@ -60,7 +60,7 @@ def write_archive(survey: Survey, folder: Path, *, file_format: str = 'bag', bro
     folder : Path
         To make.
     file_format : {'bag', 'cphd'}
-        Of the recordings.
+        File format of the recordings.
     broken : int
         How many of them are broken, each kind in turn; never the first one.
     progress : bool

@@ -20,9 +20,9 @@ class Collection:
     Parameters
     ----------
     collector_name, core_name : str
-        Of the sensor, and of this collection.
+        Collector name and core name of the sensor, and of this collection.
     illuminator_name : str
-        Of a transmitter of its own; empty where there is none.
+        Illuminator name of a transmitter of its own; empty where there is none.
     collect_type : {'', 'MONOSTATIC', 'BISTATIC'}
         Empty: found from the distance of transmitter and receiver.
     mode_type : {'SPOTLIGHT', 'STRIPMAP', 'DYNAMIC STRIPMAP'}

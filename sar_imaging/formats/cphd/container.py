@@ -49,7 +49,7 @@ class ChannelLayout:
     Parameters
     ----------
     n_vectors, n_samples : int
-        Of the channel.
+        Number of vectors and samples of the channel.
     signal_offset, pvp_offset : int
         Bytes from the beginning of the file.
     """

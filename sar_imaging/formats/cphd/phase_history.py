@@ -110,14 +110,14 @@ class PhaseHistories:
     vectors : Vectors
         All of them.
     n_samples : int
-        Of a vector in the file.
+        Samples of a vector in the file.
 
     Attributes
     ----------
     radar : RadarParameters
-        Of the blocks.
+        Radar parameters of the blocks.
     n_samples : int
-        Of the blocks.
+        Samples of the blocks.
     compressed : bool
         False.
     warnings : list of str
@@ -220,7 +220,7 @@ class PhaseHistories:
         Parameters
         ----------
         samples : (P, N) complex64
-            Of the file, with the sign of the package.
+            Samples of the file, with the sign of the package.
         rows : slice
             Which of the vectors they are.
         channel : int

@@ -173,9 +173,9 @@ class CphdReader:
     collection : Collection
         Names and kinds that the file tells.
     radar : RadarParameters
-        Of all blocks.
+        Radar parameters of all blocks.
     n_samples : int
-        Of all blocks.
+        Samples of all blocks.
     compressed : bool
         False for phase histories (domain FX), True for range profiles (domain TOA).
     stamp_ns : (P,) int64

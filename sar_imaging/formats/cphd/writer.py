@@ -61,9 +61,9 @@ class Pulses:
     Parameters
     ----------
     radar : RadarParameters
-        Of the written samples.
+        Radar parameters of the written samples.
     n_samples : int
-        Of each vector.
+        Samples of each vector.
     domain : {'FX', 'TOA'}
         What the samples are over.
     datum : Datum
@@ -224,7 +224,7 @@ def make_metadata(pulses: Pulses, vectors: np.ndarray, grid: MapGrid, collection
     collection : Collection
         Names and kinds, of every channel.
     sample_type : {'CI2', 'CI4', 'CF8'}
-        Of the samples.
+        Sample type of the samples.
     sign : int
         SGN of the samples.
 
@@ -419,7 +419,7 @@ def write_cphd(path: Path | str, blocks: Iterable[PulseBlock], datum: Datum, gri
     path : path
         File to make. Beside it, samples are collected in temporary files of the same size.
     blocks : iterable of PulseBlock
-        Of one radar, in the order of their times, with phase centres.
+        Blocks of one radar, in the order of their times, with phase centres.
     datum : Datum
         Where the frame of the phase centres stands.
     grid : MapGrid

@@ -41,7 +41,7 @@ def encoded(samples: np.ndarray, pixel_type: str) -> tuple[np.ndarray, np.ndarra
     Returns
     -------
     pixels : (rows, columns)
-        Of the type's dtype.
+        Pixels of the type's dtype.
     amplitudes : (256,) float64 or None
         What codes of 8 bits stand for.
     scale : float or None
@@ -143,7 +143,7 @@ class SicdContainer:
     Attributes
     ----------
     root : lxml element
-        Of the XML.
+        Root of the XML.
 
     Raises
     ------

@@ -219,7 +219,7 @@ def sicd_grid(acquisition: Acquisition, centre_m, range_size_m: float, cross_siz
         ``'ground'``: horizontal at the height of the centre; ``'slant'``: through the line of
         sight and the velocity in the middle of the aperture.
     spacing_m : (2,) floats, optional
-        Of the rows and of the columns, metres; the first is made a little smaller for the
+        Spacing of the rows and of the columns, metres; the first is made a little smaller for the
         quarter turns. From the resolution unless told: 1.5 samples for each width of the band.
 
     Returns

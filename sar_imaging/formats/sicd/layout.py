@@ -37,11 +37,11 @@ class Layout:
     axes : (2, 3) float64
         Unit vectors of row and column in the imaging frame.
     spacing_m : (2,) float64
-        Of rows and columns, metres.
+        Spacing of rows and columns, metres.
     plane : str
         ``'GROUND'``, ``'SLANT'`` or ``'OTHER'``.
     supports : (2,) SpatialSupport
-        Of rows and columns at the scene centre point.
+        Supports of rows and columns at the scene centre point.
     quarters : (2,) int
         Quarter turns of the carrier from pixel to pixel that are taken out.
     """

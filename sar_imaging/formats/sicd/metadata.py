@@ -47,7 +47,8 @@ class TwoWayAntenna:
     x_axis, y_axis : (3, n) float64
         Axes of its frame, ECEF, by powers of seconds since the start.
     gain_db : (n, n) float64
-        Of both ways relative to the boresight, by powers of the direction cosines DCX and DCY.
+        Gain of both ways relative to the boresight, by powers of the direction cosines DCX and
+        DCY.
     error_db : float
         Largest departure of that where the gain of one way is above -10 dB.
     """
@@ -137,11 +138,11 @@ def radiometric(image: Image, layout: Layout, response: ImageResponse | KnotResp
     image : Image
         Its `radiometry` tells whether its samples are calibrated already.
     layout : Layout
-        Of the image.
+        Layout of the image.
     response : ImageResponse or KnotResponse
-        Of the same pixels, or of some of them.
+        Response of the same pixels, or of some of them.
     constant : RadarConstant
-        Of the radar.
+        Constant of the radar.
     scale : float or None
         What samples were multiplied by in the file.
 
@@ -250,11 +251,11 @@ class Description:
     pixel_type : str
         As SICD names it.
     amplitudes : (256,) float64 or None
-        Of the pixel type with a table.
+        Amplitudes of the pixel type with a table.
     scale : float or None
         What our samples were multiplied by, where they were.
     classification : str
-        Of the file.
+        Classification of the file.
     radiometric : Radiometric or None
         Scale factors of the pixels, where they are known.
     calibrated : Radiometry or None

@@ -34,7 +34,7 @@ class Fields:
     Parameters
     ----------
     root : lxml element
-        Of the XML.
+        Root of the XML.
     """
 
     def __init__(self, root):

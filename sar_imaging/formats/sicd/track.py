@@ -60,7 +60,7 @@ def fit_track(acquisition: Acquisition, datum: Datum, scene_m) -> Track:
     acquisition : Acquisition
         Two pulses or more.
     datum : Datum
-        Of its frame.
+        Datum of its frame.
     scene_m : (3,) array_like
         Middle of the image, imaging frame, metres.
 

@@ -44,7 +44,7 @@ def write_sicd(path: os.PathLike | str, image: Image, datum: Datum, acquisition:
     pixel_type : str
         ``'RE32F_IM32F'``, ``'RE16I_IM16I'`` or ``'AMP8I_PHS8I'``.
     classification : str
-        Of the contents; its first letter goes to the NITF headers.
+        Classification of the contents; its first letter goes to the NITF headers.
     response, constant : ImageResponse or KnotResponse, and RadarConstant, optional
         Response of the image (`sar_imaging.radiometry`) and constant of the radar: the file then
         has scale factors by which its pixels become cross sections, beta, sigma and

@@ -87,11 +87,11 @@ class ImageFocus:
     parameters : mapping
         Values of `PARAMETERS` and `pose_input.TRACK_PARAMETERS`, of the grid and of the imager.
     grid : MapGrid
-        Of the images.
+        Grid of the images.
     health : Health or Part
         Counters, with `COUNTERS`, and log.
     datum : FrameDatum, optional
-        Of the imaging frame, for positions from fixes.
+        Datum of the imaging frame, for positions from fixes.
 
     Raises
     ------

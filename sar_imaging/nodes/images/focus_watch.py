@@ -50,7 +50,7 @@ class FocusWatch:
     Parameters
     ----------
     grid : MapGrid
-        Of the images.
+        Grid of the images.
     pulses_per_aperture : int
         Length of an aperture.
     health : Health or Part
@@ -96,7 +96,7 @@ class FocusWatch:
         aperture : int
             Its number.
         figure : FocusFigure, optional
-            Of its image, where it was formed here.
+            Figure of its image, where it was formed here.
         """
         if not self._wanted:
             # Where images were focused before, something happened.

@@ -37,7 +37,7 @@ class ImageFiles:
     parameters : mapping
         Current values of `PARAMETERS`.
     datum : FrameDatum
-        Of the images' frame.
+        Datum of the images' frame.
     """
 
     def __init__(self, parameters: Mapping[str, object], datum: FrameDatum):

@@ -50,7 +50,7 @@ class Listener:
     Parameters
     ----------
     message_type : type
-        Of the topic.
+        Message type of the topic.
     topic : str
         Relative name.
     read : callable
@@ -114,7 +114,7 @@ class FixPoseSource:
     health : Health or Part
         Log.
     datum : FrameDatum
-        Of the frame. An output that does not know it yet has it put where the first fix is.
+        Datum of the frame. An output that does not know it yet has it put where the first fix is.
     with_attitude : bool
         Whether the topic `imu` tells attitudes.
     take : callable

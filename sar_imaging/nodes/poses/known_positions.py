@@ -31,7 +31,7 @@ class KnownPositions:
     health : Health or Part
         Log.
     datum : FrameDatum or None
-        Of the imaging frame, for poses from fixes alone.
+        Datum of the imaging frame, for poses from fixes alone.
     reach_s : float
         How far before and behind an aperture the track is wanted, seconds.
 

@@ -299,7 +299,7 @@ class PoseInput:
     on_pose : callable
         Called after every pose, in the thread of the callbacks.
     datum : FrameDatum or None
-        Of the imaging frame, for poses from fixes alone.
+        Datum of the imaging frame, for poses from fixes alone.
 
     Attributes
     ----------

@@ -52,7 +52,7 @@ class Tally:
     Parameters
     ----------
     name : str
-        Of the stage, after the node's in the name of the status.
+        Name of the stage, after the node's in the name of the status.
     counters : iterable of str
         Keys that are published from the start, as zeros.
     faults : iterable of str

@@ -30,7 +30,7 @@ class InputWatch:
     message_type : str
         That is expected there, such as ``'xwr_msgs/msg/IQ'``.
     qos : QoSProfile
-        Of the subscription.
+        Quality of service of the subscription.
     patience_s : callable
         Returns how long the input may pause.
     advice : str

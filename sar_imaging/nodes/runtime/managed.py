@@ -193,7 +193,7 @@ class ManagedNode(LifecycleNode):
         Parameters
         ----------
         topic : str
-            Of this node, as it was created.
+            Topic of this node, as it was created.
         side : str
             ``publisher`` or ``subscription``: what this node is on it.
         event

@@ -209,7 +209,7 @@ def aside(work: Callable[[], None], name: str) -> None:
     work : callable
         Raises nothing.
     name : str
-        Of the thread.
+        Name of the thread.
     """
     def run():
         _step_back()

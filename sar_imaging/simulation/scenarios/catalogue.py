@@ -327,12 +327,12 @@ def moving_targets(seed: int = 6, *, movers: tuple[Mover, ...] | None = None,
     Parameters
     ----------
     seed : int
-        Of the clutter and of the noise.
+        Seed of the clutter and of the noise.
     movers : tuple of Mover, optional
         Instead of the three cars.
     texture_shape : int
-        Of the Gamma distribution of the clutter's power from scatterer to scatterer: 1 is very
-        spiky, 10 nearly homogeneous.
+        Shape of the Gamma distribution of the clutter's power from scatterer to scatterer: 1 is
+        very spiky, 10 nearly homogeneous.
 
     Returns
     -------

@@ -33,7 +33,7 @@ class Scenario:
     description : str
         One sentence for people.
     radar : RadarParameters
-        Of the recorded samples.
+        Radar parameters of the recorded samples.
     compressed : bool
         True when range profiles are recorded, False for raw pulses.
     n_samples : int
@@ -45,7 +45,7 @@ class Scenario:
     pulses_per_aperture : int
         Pulses that make one image.
     trajectory : Trajectory or RasterScan
-        Of the platform's reference point.
+        Trajectory of the platform's reference point.
     tx_offsets_m, rx_offsets_m : tuple of (3,) floats
         Phase centres of each channel relative to the reference point, axes of the imaging frame,
         metres.
@@ -58,9 +58,9 @@ class Scenario:
     noise_std : float
         Standard deviation of complex noise per sample; 1 is the echo of a unit scatterer.
     seed : int
-        Of the noise.
+        Seed of the noise.
     resolution_bits : int
-        Of the recorded samples, see `sar_imaging.simulation.echoes.quantise`.
+        Bits of the recorded samples, see `sar_imaging.simulation.echoes.quantise`.
     notes : str
         Where the parameters come from.
     movers : tuple of Mover
@@ -70,7 +70,7 @@ class Scenario:
     clutter : Clutter, optional
         Scatterers without names, of random phases.
     height_m : float
-        Of the scene above the grid, metres; 0 for one that is flat.
+        Height of the scene above the grid, metres; 0 for one that is flat.
     antenna : Antenna, optional
         Pattern by which scatterers and clutter return; movers and jammers are lit alike.
     mount : Mount, optional

@@ -43,7 +43,7 @@ class Launch:
     Parameters
     ----------
     mode : str
-        Of backprojection.
+        Mode of backprojection.
     nodes : tuple of str
         Names.
     parameters : dict
@@ -92,8 +92,8 @@ def plan_launch(arguments: argparse.Namespace, truth: Mapping | None) -> Launch:
     arguments : argparse.Namespace
         With `bag`, `mode`, `pipeline`, `output` and what `add_arguments` adds.
     truth : mapping or None
-        Of the recording, see `recordings.make_truth`; it proposes grid and aperture without a
-        configuration.
+        Truth of the recording, see `recordings.make_truth`; it proposes grid and aperture without
+        a configuration.
 
     Returns
     -------

@@ -44,7 +44,7 @@ class Pair:
     Attributes
     ----------
     images : (2,) Image
-        Of the first file and of the second.
+        Images of the first file and of the second.
     tracks_m : (2,) arrays (P, 3) float64
         Mean phase centres, frame of the grid, metres.
     datum : Datum or None
@@ -56,7 +56,7 @@ class Pair:
     chosen : tuple of str
         Why the grid is this one.
     warnings : tuple of str
-        Of the files and their images.
+        Warnings of the files and their images.
     propagation_speed_m_per_s : float
         Speed of the waves.
     """

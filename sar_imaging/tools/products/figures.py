@@ -179,7 +179,7 @@ def save_volume_png(path: Path | str, samples: np.ndarray, grid: VolumeGrid, cel
     cells : BrightCells
         Its cloud.
     threshold_db : float
-        Of the cloud, dB above the median.
+        Threshold of the cloud, dB above the median.
     truth : sequence of dict
         Scatterers to mark, each with ``position_m`` (x, y, z in metres).
     title : str

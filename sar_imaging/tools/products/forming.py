@@ -122,7 +122,7 @@ def form(source: PulseSource, choice: GridChoice, target_db: float, n_bytes: flo
     n_bytes : float
         Memory that it may take.
     label : str
-        Of the progress bar.
+        Label of the progress bar.
 
     Raises
     ------

@@ -41,7 +41,8 @@ class LobePolynomial:
     Attributes
     ----------
     coefficients : (n, n) float64
-        Of dB relative to the boresight, by powers of DCX and DCY; none of DCX = DCY = 0.
+        Coefficients of dB relative to the boresight, by powers of DCX and DCY; none of DCX = DCY =
+        0.
     error_db : float
         Largest departure where the gain is above -10 dB.
     """
