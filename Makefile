@@ -94,8 +94,8 @@ demo: environment
 	@$(RUN) -m sar_imaging.tools.evaluate bags/countryside --output out/demo --launch-nodes
 
 test: lint docs-libraries
-	@echo 'pytest, in two processes ...'
-	@$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	@echo 'pytest, in three processes ...'
+	@$(RUN) -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 # What the hand that edits wants to know at once: conversions, geometry, signals, plans, pinned images.
 test-quick: environment
