@@ -24,7 +24,6 @@ from sar_imaging.signal.radar import Waveform
 from .support.mistake_recordings import Recording, others, recordings
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'mistakes.json'
-_REAL = (Waveform.PASSBAND, Waveform.FMCW_REAL)
 
 
 class NotApplicable(Exception):
@@ -51,14 +50,14 @@ def offset_s(r: Recording) -> float:
 
 def conjugated(r: Recording) -> PulseBlock:
     """Samples conjugated."""
-    if r.block.radar.waveform in _REAL and not r.block.compressed:
+    if r.block.radar.waveform.is_real and not r.block.compressed:
         raise NotApplicable('real samples')
     return _replace(r, samples=r.block.samples.conj())
 
 
 def q_before_i(r: Recording) -> PulseBlock:
     """Q read as I and I as Q."""
-    if r.block.radar.waveform in _REAL and not r.block.compressed:
+    if r.block.radar.waveform.is_real and not r.block.compressed:
         raise NotApplicable('real samples')
     samples = r.block.samples
     return _replace(r, samples=samples.imag + 1j * samples.real)

@@ -19,7 +19,6 @@ from .mistake_recordings import DATA, MEASURED
 
 KINDS = ('slider', 'rail', 'drone', 'uwb')
 _START_NS = 1_700_000_000_000_000_000
-_REAL = (Waveform.FMCW_REAL, Waveform.PASSBAND)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,7 +71,7 @@ def right_case(seed: int) -> Case:
     noise = 10 ** (rng.uniform(-6.0, 3.0) / 20) * rms
     samples = samples + noise / math.sqrt(2) * (
         rng.standard_normal(samples.shape) + 1j * rng.standard_normal(samples.shape))
-    if radar.waveform in _REAL:
+    if radar.waveform.is_real:
         samples = samples.real
     largest = max(np.abs(samples.real).max(), np.abs(samples.imag).max())
     scale = 2.0 ** math.ceil(math.log2(largest * rng.uniform(1.0, 3.0)))

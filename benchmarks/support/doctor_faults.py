@@ -11,13 +11,10 @@ import numpy as np
 from sar_imaging.diagnosis.hypotheses import with_offset, with_slope
 from sar_imaging.diagnosis.signals import with_words_exchanged
 from sar_imaging.signal.pulses import PulseBlock
-from sar_imaging.signal.radar import Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.echoes import EchoSimulator
 
 from .doctor_cases import Case
-
-_REAL = (Waveform.FMCW_REAL, Waveform.PASSBAND)
 
 
 class NotApplicable(Exception):
@@ -29,7 +26,7 @@ def _with(case: Case, **changes) -> Case:
 
 
 def _complex_only(case: Case) -> None:
-    if case.block.radar.waveform in _REAL:
+    if case.block.radar.waveform.is_real:
         raise NotApplicable
 
 
@@ -43,7 +40,7 @@ def conjugated(case, rng):
 
 def inverted(case, rng):
     """The ramp falls where it is said to rise."""
-    if not case.block.radar.chirp_rate_hz_per_s or case.block.radar.waveform in _REAL:
+    if not case.block.radar.chirp_rate_hz_per_s or case.block.radar.waveform.is_real:
         raise NotApplicable  # real samples hold both signs
     return dataclasses.replace(case, block=with_slope(case.block, -1.0))
 
@@ -234,7 +231,7 @@ def interfered(case, rng):
     at = rng.integers(0, len(samples), int(rng.integers(1, 8)))
     level = 10 ** (rng.uniform(14, 30) / 20) * math.sqrt(np.mean(np.square(np.abs(samples))))
     noise = rng.standard_normal((len(at), *samples.shape[1:], 2)) / math.sqrt(2)
-    real = case.block.radar.waveform in _REAL
+    real = case.block.radar.waveform.is_real
     samples[at] += (level * (noise[..., 0] + (0 if real else 1j) * noise[..., 1])
                     ).astype(np.complex64)
     return _with(case, samples=samples)

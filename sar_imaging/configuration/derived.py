@@ -227,7 +227,6 @@ def _boundary(grid) -> np.ndarray:
 
 
 SAMPLE_BYTES = 8  # complex64
-PHASE_HISTORIES = (Waveform.STEPPED_FREQUENCY, Waveform.FMCW, Waveform.FMCW_REAL)
 LEAST_SPEED_M_PER_S = 1e-6  # below it a platform stands still
 _WINDOW_BINS = 201
 # Pixels and polar samples of which one core makes maps of obstacles, below what was measured.
@@ -489,7 +488,7 @@ def _unambiguous_depth(acquisition: Acquisition) -> float:
 
 def is_phase_history(acquisition: Acquisition) -> bool:
     """True when a sample is a frequency: stepped frequency or FMCW, not yet compressed."""
-    return not acquisition.compressed and acquisition.radar.waveform in PHASE_HISTORIES
+    return not acquisition.compressed and acquisition.radar.waveform.is_phase_history
 
 
 def pulse_duration_s(acquisition: Acquisition) -> float:

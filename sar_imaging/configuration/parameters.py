@@ -277,7 +277,7 @@ def _acquisition(v: Mapping) -> Acquisition:
     waveform, speed = Waveform[name.upper()], v['radar.propagation_speed_m_per_s']
     if not speed > 0:
         raise ValueError(f'radar.propagation_speed_m_per_s={speed} must be positive')
-    if waveform in (Waveform.FMCW, Waveform.FMCW_REAL):  # the bandwidth is what samples sweep
+    if waveform.is_ramp:  # the bandwidth is what samples sweep
         length = v['radar.samples_per_pulse'] / rate
     radar = RadarParameters(
         carrier_hz=v['radar.carrier_hz'], bandwidth_hz=bandwidth, sample_rate_hz=rate,

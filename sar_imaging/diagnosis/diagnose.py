@@ -36,7 +36,6 @@ from .coherence import (
 from .hypotheses import (
     HYPOTHESES,
     ORDER,
-    RAMPS,
     Hypothesis,
     clock_drift,
     clock_offset,
@@ -286,7 +285,7 @@ class _Tried:
 
         Ramps of the other sign mirror ranges, and with them which half of a map holds what.
         """
-        if not self.mistake.of_samples or self.profiles.radar.waveform not in RAMPS:
+        if not self.mistake.of_samples or not self.profiles.radar.waveform.is_ramp:
             return False
         walks = walk_scale(self.profiles, self.grid)
         return (walks.n_scatterers >= 2 and abs(walks.scale - 1) < _WALK
@@ -441,7 +440,7 @@ class _Attempts:
         self._profiles = self._compressed(block)
         self._probe = CoherenceProbe(grid)
         self.first = self._probe(self._profiles)
-        self._tells_slope = not block.compressed and block.radar.waveform in RAMPS
+        self._tells_slope = not block.compressed and block.radar.waveform.is_ramp
         self.blind: list[str] = []  # mistakes with which the aperture is as much in focus
 
     def _compressed(self, block: PulseBlock) -> PulseBlock:

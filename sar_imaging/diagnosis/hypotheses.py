@@ -24,9 +24,6 @@ from ..signal.radar import RadarParameters, Waveform
 from ..signal.range_compression import GUARD_SAMPLES
 from ..signal.waveforms import lfm_spectrum
 
-REAL = (Waveform.FMCW_REAL, Waveform.PASSBAND)
-RAMPS = (Waveform.FMCW, Waveform.FMCW_REAL)
-PHASE_HISTORIES = (Waveform.STEPPED_FREQUENCY, *RAMPS)
 _FEWEST_PULSES = 16  # for offsets of the clock
 _LEAST_CELLS = 4.0  # that a wrong delay shifts profiles by
 _LEAST_EXTENT = 1.0  # wavelengths, of an aperture
@@ -89,7 +86,7 @@ def _given_delays_s(block: PulseBlock) -> list[float]:
     """Delays that a user may have given: of the first sample, or of a phase history's middle."""
     radar = block.radar
     start = radar.first_sample_delay_s
-    if not block.compressed or radar.waveform not in PHASE_HISTORIES or start <= 0:
+    if not block.compressed or not radar.waveform.is_phase_history or start <= 0:
         return [start]
     return [start, start + (block.n_samples // 2) / radar.sample_rate_hz]
 
@@ -130,7 +127,7 @@ def conjugations(block: PulseBlock) -> list[PulseBlock]:
     radar = block.radar
     plain = dataclasses.replace(block, samples=block.samples.conj())
     if not block.compressed:
-        return [] if radar.waveform in REAL else [plain]
+        return [] if radar.waveform.is_real else [plain]
     out = [plain]
     if radar.waveform == Waveform.LFM and radar.chirp_rate_hz_per_s:
         out.append(_dispersed(plain, -1))
@@ -142,10 +139,11 @@ def conjugations(block: PulseBlock) -> list[PulseBlock]:
 def reversed_slopes(block: PulseBlock) -> list[PulseBlock]:
     """Blocks as they are if the ramp falls where it is said to rise, or the other way round."""
     radar = block.radar
-    if not radar.chirp_rate_hz_per_s or radar.waveform not in (Waveform.LFM, *RAMPS):
+    if not radar.chirp_rate_hz_per_s or not (
+            radar.waveform == Waveform.LFM or radar.waveform.is_ramp):
         return []
     out = [_with_slope_reversed(block, radar.carrier_hz)]
-    if radar.waveform in RAMPS:
+    if radar.waveform.is_ramp:
         # The middle of the ramp lies on the other side of its start, as far as that is known.
         swept_hz = abs(radar.chirp_rate_hz_per_s) * radar.pulse_length_s
         carrier_hz = radar.carrier_hz - np.sign(radar.chirp_rate_hz_per_s) * swept_hz
@@ -449,7 +447,7 @@ def with_slope(block: PulseBlock, factor: float) -> PulseBlock:
     radar = block.radar
     changes = {'chirp_rate_hz_per_s': factor * radar.chirp_rate_hz_per_s,
                'bandwidth_hz': abs(factor) * radar.bandwidth_hz}
-    if radar.waveform in RAMPS:
+    if radar.waveform.is_ramp:
         half_swept_hz = radar.chirp_rate_hz_per_s * radar.pulse_length_s / 2
         changes['carrier_hz'] = radar.carrier_hz + (factor - 1) * half_swept_hz
     return dataclasses.replace(block, radar=dataclasses.replace(radar, **changes))

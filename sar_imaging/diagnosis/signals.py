@@ -28,7 +28,6 @@ __all__ = ['CERTAIN', 'LIKELY', 'ONE_OF_SEVERAL', 'Finding', 'channel_findings',
 CERTAIN = 'certain'
 LIKELY = 'likely'
 ONE_OF_SEVERAL = 'one of several explanations that are as good'
-_REAL = (Waveform.FMCW_REAL, Waveform.PASSBAND)
 # Clipping piles samples up at the largest value. Of a sinusoid 2.9 % lie within 0.1 % of its
 # amplitude and 6.2 % in the next 0.9 %; of Gaussian samples, fewer and fewer.
 _TOP, _NEXT = 0.999, 0.99
@@ -149,7 +148,7 @@ def sample_findings(block: PulseBlock) -> list[Finding]:
         return [without_phase] if without_phase else []
     found = [_clipping(block), without_phase or _components(block), _cut_short(block),
              _bursts(block)]
-    if block.radar.waveform not in _REAL and found[1] is None:
+    if not block.radar.waveform.is_real and found[1] is None:
         found.append(_order(block) or _imbalance(block))
     return [finding for finding in found if finding is not None]
 
@@ -161,7 +160,7 @@ def _some(block: PulseBlock) -> PulseBlock:
 
 
 def _components_of(block: PulseBlock) -> Iterator[tuple[int, str, np.ndarray]]:
-    real = block.radar.waveform in _REAL
+    real = block.radar.waveform.is_real
     for channel in range(block.n_channels):
         samples = block.samples[:, channel]
         yield channel, 'I' if not real else 'real', samples.real
@@ -217,7 +216,7 @@ def _magnitudes(block: PulseBlock) -> Finding | None:
 
 def _components(block: PulseBlock) -> Finding | None:
     """I or Q missing, or both the same."""
-    if block.radar.waveform in _REAL:
+    if block.radar.waveform.is_real:
         return None
     samples = _some(block).samples
     i, q = (float(np.sqrt(np.mean(np.square(part, dtype=float))))

@@ -16,7 +16,6 @@ from ..numpy_files import check_memory
 from ..signal.background import subtract_background
 from ..signal.positioning import without_range_bias
 from ..signal.pulses import PulseBlock, concatenate
-from ..signal.radar import Waveform
 from ..signal.tdm import locate_channels, move_channels
 from . import (
     antenna as antenna_section,
@@ -46,7 +45,6 @@ from .virtual_array import VirtualArray, calibration_weights, read_array
 
 _OF_MESSAGES = 4  # bytes of samples for each byte of messages: complex64 of int16 and a copy
 _LOCATED = 1024  # pulses whose phase centres are computed at once
-_REAL = (Waveform.PASSBAND, Waveform.FMCW_REAL)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -199,7 +197,7 @@ def _load(description: Path, data: Path | str | None, changes: Mapping[str, obje
         position_m, pulses = _read_positions(top, folder, every, shape, pulses)
     if 'calibration' in top:
         weights = calibration_weights(folder / top.text('calibration'), pulses.n_channels,
-                                      real_samples=pulses.radar.waveform in _REAL)
+                                      real_samples=pulses.radar.waveform.is_real)
         pulses = dataclasses.replace(pulses, samples=pulses.samples * weights)
     used, pulses, lost = _choose(top, pulses)
     warnings += lost
@@ -278,7 +276,7 @@ def _read_pulses(top: Section, section: Section, folder: Path, data: DataFiles
     radar, compressed = radar_section.read_radar(top.section('radar', radar_section.KEYS),
                                                  values.shape[-1])
     is_real = section.raw('iq', 'complex') == 'real'
-    if is_real != (radar.waveform in _REAL):
+    if is_real != radar.waveform.is_real:
         raise section.error('iq', f'{"not real" if is_real else "real"} samples of the waveform '
                             f'{radar.waveform.name.lower()}', 'real samples are of fmcw_real and '
                             'passband')

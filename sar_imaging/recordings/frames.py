@@ -18,7 +18,7 @@ import numpy as np
 from ..geometry.alignment import Alignment
 from ..signal.positioning import without_range_bias
 from ..signal.pulses import PulseBlock, concatenate
-from ..signal.radar import RadarParameters, Waveform
+from ..signal.radar import RadarParameters
 from . import radar as radar_section, samples as samples_section, virtual_array
 from .description import DescriptionError, Section
 from .samples import decode_iq
@@ -124,7 +124,6 @@ KEYS = ('stamp', 'latency_s', 'chirp_s', 'period_s')
 ALIGNMENT_KEYS = ('time_offset_s', 'range_bias_m', 'lever_arm_m')
 STAMPS = ('start', 'end', 'receipt')
 _OF_RAMP = ('start_frequency_hz', 'slope_hz_per_s', 'adc_start_s')
-_REAL = (Waveform.PASSBAND, Waveform.FMCW_REAL)
 
 
 class FrameError(ValueError):
@@ -335,7 +334,7 @@ class FrameConverter:
         radar, _ = radar_section.read_radar(keys, n_samples)
         is_real = not np.iscomplexobj(frame.numbers) and self._samples.choice(
             'iq', samples_section.IQ, frame.iq) == 'real'
-        if is_real != (radar.waveform in _REAL):
+        if is_real != radar.waveform.is_real:
             raise DescriptionError(f'radar.waveform={radar.waveform.name.lower()}: the messages '
                                    f'hold {"real" if is_real else "complex"} samples; use '
                                    f'{"fmcw_real or passband" if is_real else "fmcw"}')

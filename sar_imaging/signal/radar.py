@@ -29,6 +29,21 @@ class Waveform(enum.IntEnum):
     FMCW_REAL = 3  # the same with a real converter; imaginary parts are zero
     PASSBAND = 4  # real samples of the pulse at its carrier (UWB); imaginary parts are zero
 
+    @property
+    def is_real(self) -> bool:
+        """Whether raw samples are real numbers."""
+        return self in (Waveform.FMCW_REAL, Waveform.PASSBAND)
+
+    @property
+    def is_ramp(self) -> bool:
+        """Whether raw samples are the beat of echo and transmitted ramp."""
+        return self in (Waveform.FMCW, Waveform.FMCW_REAL)
+
+    @property
+    def is_phase_history(self) -> bool:
+        """Whether raw samples run over frequency: compression is a Fourier transform."""
+        return self.is_ramp or self == Waveform.STEPPED_FREQUENCY
+
 
 @dataclasses.dataclass(frozen=True)
 class RadarParameters:

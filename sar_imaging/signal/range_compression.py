@@ -388,7 +388,6 @@ class BandFilter:
 
 
 RANGE_FILTERS = ('equalised', 'matched')
-_PHASE_HISTORIES = (Waveform.STEPPED_FREQUENCY, Waveform.FMCW, Waveform.FMCW_REAL)
 
 
 class RangeCompressor:
@@ -474,7 +473,7 @@ class RangeCompressor:
         self.compressed = compressed
         if compressed:
             plan = BandFilter.for_profiles(radar, n_samples, window, oversampling)
-        elif radar.waveform in _PHASE_HISTORIES:
+        elif radar.waveform.is_phase_history:
             plan = PhaseHistoryPlan(radar, n_samples, window, oversampling, range_window_m)
         elif radar.waveform == Waveform.PASSBAND:
             plan = BandFilter.for_passband(radar, n_samples, window, oversampling)

@@ -21,10 +21,9 @@ from __future__ import annotations
 
 import numpy as np
 
-WINDOW_NAMES = ('none', 'hamming', 'hann', 'taylor', 'kaiser')
-
 _FROM_EDGE_TO_EDGE = {'hamming': np.hamming, 'hann': np.hanning, 'kaiser': np.kaiser}
 _DEFAULTS = {'none': (), 'hamming': (), 'hann': (), 'taylor': (4.0, 35.0), 'kaiser': (6.0,)}
+WINDOW_NAMES = tuple(_DEFAULTS)
 
 
 def parse_window(name: str) -> tuple[str, tuple[float, ...]]:

@@ -223,7 +223,7 @@ class EchoSimulator:
         elif radar.waveform == Waveform.STEPPED_FREQUENCY:
             self._synthesise = self._plan_stepped_frequency()
             self._early_samples = None
-        elif radar.waveform in (Waveform.FMCW, Waveform.FMCW_REAL):
+        elif radar.waveform.is_ramp:
             self._synthesise = self._plan_fmcw()
             self._early_samples = None
         elif radar.waveform == Waveform.PASSBAND:

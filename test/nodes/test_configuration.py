@@ -81,7 +81,8 @@ def test_the_page_of_a_node_describes_every_parameter(pytestconfig, name):
         limits = '' if p.minimum is None else (
             f'{type(p.default)(p.minimum)} to {type(p.default)(p.maximum)}')
         if p.check is parse_window:
-            limits = ', '.join(WINDOW_NAMES)
+            limits = (', '.join(WINDOW_NAMES) if name == 'range_compression'
+                      else 'as of range_compression')  # which lists them for all
         limits = ', '.join(getattr(p.check, 'choices', ())) or limits
         default = str(p.default).lower() if isinstance(p.default, bool) else str(p.default)
         expected[p.name] = [TYPES[type(p.default)], default, limits, p.unit, p.changes]
