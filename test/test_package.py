@@ -217,6 +217,16 @@ def test_folders_are_packages():
             if not (p / '__init__.py').exists() and p.name != 'launch'] == []
 
 
+def test_where_things_go_exists():
+    """Places that the table of CONTRIBUTING names; capitals stand for any name."""
+    text = (ROOT / 'CONTRIBUTING.md').read_text()
+    table = text[text.index('| I want to change'):].split('\n\n')[0]
+    places = [p for p in re.findall(r'`([\w.]+/[\w./]*)`', table) if p.lower() == p]
+    assert len(places) > 40
+    assert [p for p in places if not any((r / p).exists() for r in (ROOT, ROOT / 'sar_imaging'))
+            ] == []
+
+
 def test_numerical_core_does_not_know_ros():
     ros = {element.text for element in _manifest().iter('depend')}
     forbidden = {*ros, 'tf2_ros', 'launch', 'launch_ros', 'rosbags'}
