@@ -222,16 +222,16 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none', thorough
         searched = list(attempts.values(thorough))
         tried += searched
         found = _likelier(found, _best(searched))
-    undecided = [t for t in tried if t.mistake.isometry and t is not found
-                 and found is None and _as_sharp(t)]
     if found is not None:
         return _explained(first, found, tried)
+    undecided = [t for t in tried if t.leaves_focus and _as_sharp(t)]
     walked = attempts.slope_by_walk() if thorough and not doubts else None
     return dataclasses.replace(
         walked or _unexplained(block, first, doubts), n_tried=len(tried),
         undecided=tuple(dict.fromkeys([*(t.mistake.name for t in undecided), *attempts.blind])),
-        doubtful=tuple(dict.fromkeys(t.mistake.name for t in undecided if t.gain > BETTER
-                                     and first.contrast < _CLEARLY)))
+        doubtful=tuple(dict.fromkeys(
+            t.mistake.name for t in undecided if t.mistake.isometry and t.gain > BETTER
+            and first.contrast < _CLEARLY)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -279,6 +279,12 @@ class _Tried:
         probe = CoherenceProbe(self.grid)
         return dataclasses.replace(self, result=probe(profiles), before=probe(told),
                                    profiles=profiles, told=told)
+
+    @property
+    def leaves_focus(self) -> bool:
+        """Whether it is a mistake with which a scene may be as much in focus."""
+        slope = self.mistake.sizes[0] if self.mistake.name == _SLOPE else 1.0
+        return self.mistake.isometry or abs(slope - 1) > _WALK
 
     def walks_alone(self) -> bool:
         """Whether scatterers walk through range as their phase says without the mistake alone.
