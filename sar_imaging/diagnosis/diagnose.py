@@ -382,13 +382,12 @@ def _sharper(one: _Tried, other: _Tried) -> _Tried:
     """The one of two in which more stands out, on the pulses that both have.
 
     Values that leave out opposite ends have few in common. Each end agrees over wide parts of the
-    scene in its own way: unless plainly more stands out in one image, the contrast counts.
+    scene in its own way, so that what stands out counts over the mean: variance over mean.
     """
     shared = np.isin(one.profiles.counter, other.profiles.counter)
     if 2 * np.count_nonzero(shared) < min(one.profiles.n_pulses, other.profiles.n_pulses):
-        less, more = sorted((one, other), key=lambda tried: tried.result.spread)
-        plainly = more.result.spread > _PLAINLY * less.result.spread
-        return more if plainly or more.result.contrast > less.result.contrast else less
+        return max(one, other,
+                   key=lambda tried: tried.result.spread / max(tried.result.mean, 1e-9))
     spreads = one.on_pulses_of(other).result.spread, other.on_pulses_of(one).result.spread
     return one if spreads[0] >= spreads[1] else other
 
