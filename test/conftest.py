@@ -28,6 +28,17 @@ settings.load_profile('untimed')
 # need what a terminal gives.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# The files that compile the largest kernels, and between them some that need none: processes that
+# begin side by side with files that need the same kernels each compile them, for tens of seconds.
+FIRST = ('backends/test_lit_kernels.py', 'backends/test_beams.py', 'archive/test_processes.py',
+         'backends/test_correlation.py', 'backends/test_project_lines.py',
+         'archive/test_runner.py', 'archive/test_cluster.py')
+
+
+def pytest_collection_modifyitems(items):
+    places = {Path(__file__).parent / name: place for place, name in enumerate(FIRST)}
+    items.sort(key=lambda item: places.get(item.path, len(FIRST)))
+
 
 def chirp_band_spectrum(raw):
     """Frequencies and spectra of raw LFM pulses divided by the pulse's own spectrum.
