@@ -127,6 +127,7 @@ simulator: environment
 gpu-tests:
 	timeout 100 $(PYTHON) -m pytest -p no:cacheprovider test/backends/test_cuda_compiles.py
 	timeout 170 $(PYTHON) $(GPU_TESTS)
+	timeout 170 $(PYTHON) -m pytest -p no:cacheprovider test/backends/test_reference_backend.py -k cuda
 	$(SANITIZER) memcheck $(PYTHON) $(GPU_TESTS) $(WITHOUT_LONG)
 	$(SANITIZER) racecheck $(PYTHON) $(GPU_TESTS) $(WITHOUT_LONG)
 
