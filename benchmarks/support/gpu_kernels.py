@@ -33,10 +33,10 @@ def _a(kind, n_axes: int, layout: str = 'C') -> types.Array:
 
 PAIRS = _a(_N, 1)  #: Complex numbers, complex64 in the simulator; see `arrays.pairs`.
 
-_LINES = (PAIRS, _N, _N, _N, _a(_D, 2), _a(_D, 3), _D, _D, _D, _D, _a(types.complex64, 1),
-          _a(_F, 1), _a(_N, 1))
-_POINTS = (PAIRS, _N, _a(_D, 2), *[_a(_D, 1)] * 3, _a(_N, 2), _a(_N, 1), _a(_N, 1), _a(_D, 2),
-           _D, _D, _D, _D, _D, _a(_F, 1))
+_LINES = (PAIRS, types.Tuple((_N, _N, _D, _D, _D, _D)), _N, _a(_D, 2), _a(_D, 3),
+          _a(types.complex64, 1), _a(_F, 1), _a(_N, 1))
+_TILES = (*[_a(_D, 1)] * 3, _a(_N, 2), types.Tuple((_N, _N, _N, _N, _D)), _a(_D, 2))
+_POINTS = (PAIRS, types.Tuple((_N, _D, _D, _D, _D)), _a(_D, 2), *_TILES, _a(_F, 1))
 
 _RANGES = (_a(_F, 1), _N, _N, _a(_D, 1), _a(_D, 1), _a(_F, 1), _N, _a(_F, 1))
 _FORMED = (PAIRS, _a(_F, 1), _a(_N, 2), _a(_D, 3), _a(_D, 1), _a(_F, 1), _D,
@@ -50,8 +50,7 @@ TYPES: dict[str, tuple[tuple, ...]] = {
     'illumination.light_knots': ((_a(_D, 2), _a(_D, 1), _a(_D, 1), _a(_D, 2), _a(_F, 2)),),
     'lines.add_lines': (_LINES,),
     'lines.add_lit_lines': ((*_LINES, _a(_F, 2), _a(_F, 1), _N, _N),),
-    'points.bound_tiles': (
-        (*[_a(_D, 1)] * 3, _a(_N, 2), _a(_N, 1), _a(_N, 1), _a(_D, 2)),),
+    'points.bound_tiles': (_TILES,),
     'points.add_points': (_POINTS,),
     'points.add_lit_points': (
         (*_POINTS, _a(_F, 2), _a(_N, 1), _a(_D, 2), _a(_F, 1), _a(_F, 1), _a(_D, 1)),),

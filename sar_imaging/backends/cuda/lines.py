@@ -116,8 +116,7 @@ def weigh_phasor(out, item, half, begin, middle, end):
 
 
 @kernel(registers=_REGISTERS)
-def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, step,
-              cycles_per_step, cycles_zero, ramp, image, layout):
+def add_lines(planes, profile, segment, centres, lines, ramp, image, layout):
     """Add echoes to lines; a grid of (segments, groups of `block_lines` lines), `THREADS` each.
 
     Parameters
@@ -125,15 +124,15 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
     planes : pairs
         Polynomials of each echo, phase of the lattice, and cell, (R, U, n / 32, 5, 32) complex64
         (`Profiles.planes`).
-    n_phases, n_cells, segment : int
-        U, n, and pixels of a segment.
+    profile : tuple
+        Phases U and cells n; half path at cell `segment`, metres a position of the lattice, cycles
+        of the carrier a position, and at cell `segment`.
+    segment : int
+        Pixels of a segment.
     centres : (R, 6) float64
         Transmitter and receiver of each echo, metres.
     lines : (S, 12, n_lines) float64
         Position in the middle of each segment, and its first to third derivative by the pixel.
-    range_zero, step, cycles_per_step, cycles_zero : float
-        Half path at cell `segment`, metres a position of the lattice, cycles of the carrier a
-        position, and at cell `segment`.
     ramp : (n_pixels,) complex64
         Factor of each pixel of a line.
     image : (K,) float32
@@ -142,20 +141,17 @@ def add_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, st
         Number of lines; first pixel's real part; steps to the next line, to the next pixel, and
         to the imaginary part.
     """
-    _add(planes, n_phases, n_cells, segment, centres, lines, range_zero, step, cycles_per_step,
-         cycles_zero, ramp, image, layout, None)
+    _add(planes, profile, segment, centres, lines, ramp, image, layout, None)
 
 
 @kernel(registers=_REGISTERS)
-def add_lit_lines(planes, n_phases, n_cells, segment, centres, lines, range_zero, step,
-                  cycles_per_step, cycles_zero, ramp, image, layout, amplitude, between, apart,
-                  first):
+def add_lit_lines(planes, profile, segment, centres, lines, ramp, image, layout, amplitude,
+                  between, apart, first):
     """As `add_lines`, of echoes that light pixels by an amplitude; what is dark is left out.
 
     Parameters
     ----------
-    planes, n_phases, n_cells, segment, centres, lines, range_zero, step, cycles_per_step, \
-cycles_zero, ramp, image, layout :
+    planes, profile, segment, centres, lines, ramp, image, layout :
         As of `add_lines`.
     amplitude : (K, R) float32
         At the knots of `planning.exact.illumination.knot_positions`: groups of lines, places,
@@ -165,8 +161,8 @@ cycles_zero, ramp, image, layout :
     apart, first : int
         Lines between knots, and number of the first line in its group.
     """
-    _add(planes, n_phases, n_cells, segment, centres, lines, range_zero, step, cycles_per_step,
-         cycles_zero, ramp, image, layout, (amplitude, between, apart, first))
+    _add(planes, profile, segment, centres, lines, ramp, image, layout,
+         (amplitude, between, apart, first))
 
 
 @function
@@ -208,9 +204,9 @@ def _amplitude_at(amplitude, place, between, knot, echo):
 
 
 @function
-def _add(planes, n_phases, n_cells, segment, centres, lines, range_zero, step, cycles_per_step,
-         cycles_zero, ramp, image, layout, light):
+def _add(planes, profile, segment, centres, lines, ramp, image, layout, light):
     """What both kernels do; `light` is None where echoes light all pixels alike."""
+    n_phases, n_cells, range_zero, step, cycles_per_step, cycles_zero = profile
     place = cuda.shared.array((_PLACE, _ITEMS), np.float32)
     turn = cuda.shared.array((_PHASOR, _ITEMS), np.float32)
     base = cuda.shared.array(_ITEMS, np.int32)
@@ -400,10 +396,10 @@ class Lines:
         for echoes, some in in_pieces(samples, profiles.chunks(len(samples), ECHOES, n_bytes)):
             planes = profiles.planes(some)
             for (lines, layout), knots in zip(self._layers, self._knots, strict=True):
-                given = (pairs(planes), lattice.n_phases, profiles.n_cells, segment,
-                         centres[echoes], lines, profiles.range_at(segment), lattice.step_m,
-                         profiles.cycles_per_step, profiles.cycles_at(segment), self._ramp, image,
-                         layout)
+                profile = (lattice.n_phases, profiles.n_cells, profiles.range_at(segment),
+                           lattice.step_m, profiles.cycles_per_step, profiles.cycles_at(segment))
+                given = (pairs(planes), profile, segment, centres[echoes], lines, self._ramp,
+                         image, layout)
                 if knots is None:
                     launch(add_lines, blocks, THREADS, *given)
                 else:

@@ -200,19 +200,20 @@ def _place_of(xs, ys, zs, strides, size, i, j):
 
 
 @kernel()
-def bound_tiles(xs, ys, zs, strides, size, tile, tiles):
+def bound_tiles(xs, ys, zs, strides, layout, tiles):
     """Centre and radius of each tile, from the points that have a position; a thread for each.
 
     Parameters
     ----------
-    xs, ys, zs, strides, size :
+    xs, ys, zs, strides :
         Of `ImagePoints`.
-    tile : (2,) int64
-        Rows and columns of a tile.
+    layout : tuple
+        Rows and columns of the points; rows and columns of a tile; radius up to which tiles are
+        computed in float32, metres.
     tiles : (T, 4) float64
         Centre and radius, metres; a NaN where no point has a position.
     """
-    number = cuda.grid(1)
+    number, size, tile = cuda.grid(1), layout[:2], layout[2:4]
     if number >= tiles.shape[0]:
         return
     across = (size[1] + tile[1] - 1) // tile[1]
@@ -245,8 +246,7 @@ def set_leg(centres, echo, first, x, y, z, inverse_step, step, legs, at, item):
 
 
 @kernel()
-def add_points(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles, range_zero, step,
-               cycles_per_step, cycles_zero, reach, image):
+def add_points(planes, profile, centres, xs, ys, zs, strides, layout, tiles, image):
     """Add echoes to points; a grid of blocks of `BLOCK` points, tile by tile.
 
     Parameters
@@ -254,33 +254,26 @@ def add_points(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles,
     planes : pairs
         Polynomials of degree 3 of each echo and cell, (R, n, 4) complex64; the first and last
         cells are zero.
-    n_cells : int
-        n.
+    profile : tuple
+        Cells n; half path at cell 0, metres a cell, cycles of the carrier a cell, and at cell 0.
     centres : (R, 6) float64
         Transmitter and receiver of each echo, metres.
-    xs, ys, zs, strides, size, tile, tiles :
+    xs, ys, zs, strides, layout, tiles :
         As of `bound_tiles`; tiles have a power of 2 points, at most `BLOCK`.
-    range_zero, step, cycles_per_step, cycles_zero : float
-        Half path at cell 0, metres a cell, cycles of the carrier a cell, and at cell 0.
-    reach : float
-        Radius up to which tiles are computed in float32, metres.
     image : (2 * n_points,) float32
         Added to: real and imaginary parts in turn.
     """
-    _add(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles, range_zero, step,
-         cycles_per_step, cycles_zero, reach, image, None)
+    _add(planes, profile, centres, xs, ys, zs, strides, layout, tiles, image, None)
 
 
 @kernel()
-def add_lit_points(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles, range_zero,
-                   step, cycles_per_step, cycles_zero, reach, image, knots, how, axes, table,
-                   scale, ends):
+def add_lit_points(planes, profile, centres, xs, ys, zs, strides, layout, tiles, image, knots, how,
+                   axes, table, scale, ends):
     """As `add_points`, of echoes that light points by an amplitude; what is dark is left out.
 
     Parameters
     ----------
-    planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles, range_zero, step, \
-cycles_per_step, cycles_zero, reach, image :
+    planes, profile, centres, xs, ys, zs, strides, layout, tiles, image :
         As of `add_points`.
     knots : (K, R) float32
         Amplitudes at the knots of all tiles, NaN where one has no position: amplitudes are then
@@ -293,14 +286,15 @@ cycles_per_step, cycles_zero, reach, image :
     table, scale : (T,), (6,) float32
         Its `table` and `place`.
     """
-    _add(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles, range_zero, step,
-         cycles_per_step, cycles_zero, reach, image, (knots, how, axes, table, scale, ends))
+    _add(planes, profile, centres, xs, ys, zs, strides, layout, tiles, image,
+         (knots, how, axes, table, scale, ends))
 
 
 @function
-def _add(planes, n_cells, centres, xs, ys, zs, strides, size, tile, tiles, range_zero, step,
-         cycles_per_step, cycles_zero, reach, image, light):
+def _add(planes, profile, centres, xs, ys, zs, strides, layout, tiles, image, light):
     """What both kernels do; `light` is None where echoes light all points alike."""
+    n_cells, range_zero, step, cycles_per_step, cycles_zero = profile
+    size, tile, reach = layout[:2], layout[2:4], layout[4]
     legs = cuda.shared.array((_LEGS, _ITEMS), np.float32)
     place = cuda.shared.array((_PLACE, _ITEMS), np.float32)
     kind = cuda.shared.array(_ITEMS, np.int32)
@@ -464,18 +458,17 @@ class Points:
 
     def __init__(self, plan: PointPlan, layers: Sequence[ImagePoints], rows: slice | None = None):
         self._plan, self._profiles = plan, Profiles(plan.window, plan.lattice, plan.range_m)
-        self._tile = xp.asarray(np.array(plan.tile, np.int64))
         rows = rows or slice(0, layers[0].size[0])
         self._knots = [plan.lit and _Knots(points, rows, plan) for points in layers]
         self._layers = [self._prepared(rows_of_points(points, rows)) for points in layers]
 
     def _prepared(self, points: ImagePoints) -> tuple:
-        """Coordinates, strides, size, tile and tiles of a layer, as the kernels take them."""
+        """Coordinates, strides, layout and tiles of a layer, as the kernels take them."""
         (n_y, n_x), (height, width) = points.size, self._plan.tile
         tiles = xp.empty((-(-n_y // height) * -(-n_x // width), 4), np.float64)
         made = (*(xp.asarray(np.ascontiguousarray(c)) for c in points.coordinates),
                 xp.asarray(points.strides.astype(np.int64)),
-                xp.asarray(np.array(points.size, np.int64)), self._tile, tiles)
+                (n_y, n_x, height, width, self._plan.reach_m), tiles)
         launch(bound_tiles, -(-len(tiles) // THREADS), THREADS, *made)
         return made
 
@@ -491,9 +484,9 @@ class Points:
             planes = pairs(profiles.planes(some))
             for made, part, knots in zip(self._layers, parts, self._knots, strict=True):
                 blocks = -(-len(made[-1]) // own)
-                given = (planes, profiles.n_cells, centres[echoes], *made, profiles.range_at(0),
-                         plan.lattice.step_m, profiles.cycles_per_step, profiles.cycles_at(0),
-                         plan.reach_m, part)
+                profile = (profiles.n_cells, profiles.range_at(0), plan.lattice.step_m,
+                           profiles.cycles_per_step, profiles.cycles_at(0))
+                given = planes, profile, centres[echoes], *made, part
                 if knots is None:
                     launch(add_points, blocks, THREADS, *given)
                 else:

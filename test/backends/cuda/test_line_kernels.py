@@ -74,11 +74,11 @@ def test_sums_of_given_polynomials(seed, n_rows, segment, n_phases, transposed):
     image = xp.asarray(before.swapaxes(0, 1).copy() if transposed else before.copy())
     layout = [n_lines, 0, *((2, 2 * n_lines) if transposed else (2 * n_pixels, 2)), 1]
     blocks = -(-n_pixels // segment), -(-n_lines // block_lines(segment))
-    launch(add_lines, blocks, THREADS, pairs(xp.asarray(in_blocks(planes))), n_phases, n_cells,
-           segment,
+    launch(add_lines, blocks, THREADS, pairs(xp.asarray(in_blocks(planes))),
+           (n_phases, n_cells, range_m, step_m, cycles, 0.0), segment,
            xp.asarray(np.concatenate([tx, rx], axis=1)),
-           xp.asarray(segment_middles(locate, slice(0, n_lines), n_pixels, segment)), range_m,
-           step_m, cycles, 0.0, xp.asarray(ramp), image.reshape(-1), xp.asarray(np.array(layout)))
+           xp.asarray(segment_middles(locate, slice(0, n_lines), n_pixels, segment)),
+           xp.asarray(ramp), image.reshape(-1), xp.asarray(np.array(layout)))
     after = to_host(image)
     added = (after.swapaxes(0, 1) if transposed else after) - before
     wanted = ramp * expected(planes, segment, range_m, step_m, cycles, start_m, pitch_m,

@@ -13,12 +13,11 @@ from sar_imaging.backends.cuda.transfers import to_host
 DEGREE = 3
 
 
-def tiles_of(points, tile):
+def tiles_of(points, tile, reach=0.0):
     n_y, n_x = points.shape[:2]
     flat = points.reshape(-1)
     made = (*(xp.asarray(flat[k:].copy()) for k in range(3)),
-            xp.asarray(np.array([(3 * n_x, 3)] * 3)), xp.asarray(np.array([n_y, n_x])),
-            xp.asarray(np.array(tile)),
+            xp.asarray(np.array([(3 * n_x, 3)] * 3)), (n_y, n_x, *tile, reach),
             xp.zeros((-(-n_y // tile[0]) * -(-n_x // tile[1]), 4), np.float64))
     launch(bound_tiles, -(-len(made[-1]) // THREADS), THREADS, *made)
     return made
@@ -44,11 +43,11 @@ def test_sums_of_given_polynomials(seed, tile, reach):
         np.complex64, order='C')
     range_m = 55.0 + rng.uniform(0, 6.0)  # some points lie outside
     image = xp.zeros(2 * points[..., 0].size, np.float32)
-    made = tiles_of(points, tile)
+    made = tiles_of(points, tile, reach)
     own = BLOCK // math.prod(tile)
-    launch(add_points, -(-len(made[-1]) // own), THREADS, pairs(xp.asarray(cell_by_cell)), n_cells,
-           xp.asarray(np.concatenate([tx, rx], axis=1)), *made, range_m, step_m, cycles, 0.25,
-           reach, image)
+    launch(add_points, -(-len(made[-1]) // own), THREADS, pairs(xp.asarray(cell_by_cell)),
+           (n_cells, range_m, step_m, cycles, 0.25),
+           xp.asarray(np.concatenate([tx, rx], axis=1)), *made, image)
     found = to_host(image).view(np.complex64).reshape(points.shape[:2])
     wanted = np.zeros(points.shape[:2], complex)
     for row in range(n_rows):
