@@ -51,6 +51,12 @@ class Afbp(Method):
         return self.planned(
             plan, shares_db=error_budget(options.target_db, AFBP_SHARES))
 
+    @property
+    def uses_device(self) -> bool:
+        """See `Method`; of 'auto', what its plan was given to."""
+        name = getattr(self._backend, '__name__', '').rpartition('.')[2]
+        return super().uses_device or name == backends.CUDA
+
     def image(self, block: PulseBlock, onto=None) -> tuple[np.ndarray, Report]:
         """See `Method`.
 

@@ -75,6 +75,11 @@ class Exact(Method):
             plan, shares_db=error_budget(self.options.target_db, EXACT_SHARES),
             n_bytes=plan.n_bytes + IMAGE_BYTES * math.prod(self.grid.shape))
 
+    @property
+    def uses_device(self) -> bool:
+        """See `Method`; of 'auto', what its plan was given to."""
+        return super().uses_device or getattr(self._sum, 'name', '') == backends.CUDA
+
     def image(self, block: PulseBlock, onto=None) -> tuple[np.ndarray, Report]:
         """See `Method`; takes no memory for another image."""
         check_profiles(block, self.radar, self.n_samples)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..backends import AUTO
-from ..backends.samples import check_device_arrays
-from ..device_arrays import beside, on_device, zeros_beside
+from ..backends import AUTO, CUDA, DeviceError
+from ..backends.samples import check_device_arrays, compress
+from ..device_arrays import beside, on_device, to_host, zeros_beside
 from ..geometry.grids import Grid, MapGrid, as_grid
 from ..geometry.illumination import AntennaPattern, Pointing
 from ..geometry.polar import PolarGrid
@@ -21,13 +21,13 @@ from ..memory import IMAGE_BYTES, check_memory
 from ..planning.ambiguities import flight_warnings
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
-from ..signal.range_compression import RangeCompressor
 from .image import Image, Report
 from .methods import AFBP, EXACT, Method, Options, method_class
-from .on_device import FormedThere, prepared
 
 if TYPE_CHECKING:
     from ..backends.protocol import Backend
+    from ..signal.range_compression import RangeCompressor
+
 
 class Channels:
     """Choice of what of the channels goes into an image.
@@ -358,12 +358,22 @@ class Imager:
                 f'{missed_db:.1f} dB: the surroundings are bright')
         return self._image(planned, block, onto)
 
+    def _formed_there(self, number: int, block: PulseBlock, onto) -> tuple[np.ndarray, Report]:
+        """The same on the device where the samples or the image lie, and here where it fails."""
+        try:
+            return self._there._formed(number, block, onto)
+        except DeviceError as error:
+            _logger.warning(f'{error}; the processor computes')
+        here = dataclasses.replace(block, samples=to_host(block.samples))
+        samples, report = self._formed(number, here)
+        samples = beside(samples, block.samples if onto is None else onto)
+        return (samples if onto is None else np.add(onto, samples, out=onto)), report
+
     @functools.cached_property
-    def _formed_there(self) -> FormedThere:
-        """The same on the device."""
-        return FormedThere(self, lambda options: Imager(
-            self.grid, self.radar, self.n_samples, self._asked or AUTO, options, self._channels,
-            self._own))
+    def _there(self) -> Imager:
+        """The same imager on the device."""
+        return Imager(self.grid, self.radar, self.n_samples, self._asked or AUTO,
+                      dataclasses.replace(self._options, backend=CUDA), self._channels, self._own)
 
     def _planned(self, number: int, *where) -> Method:
         """The method for some phase centres and directions; that of the latest ones is kept."""
@@ -416,12 +426,25 @@ class Imager:
 
     @functools.cached_property
     def _compressor(self) -> RangeCompressor:
+        from ..signal.range_compression import RangeCompressor
+
         return RangeCompressor(self.radar, self.n_samples, window=self._options.weighting)
+
+    def _profiles(self, planned: Method, raw: PulseBlock) -> PulseBlock:
+        """Range profiles of raw pulses, on the device where a device will image them."""
+        if planned.uses_device:
+            try:
+                return compress(self._compressor, raw, CUDA)
+            except DeviceError as error:
+                if planned.options.backend == CUDA:
+                    raise
+                _logger.warning(f'{error}; the processor computes')
+        return compress(self._compressor, raw, planned.options.backend)
 
     def _image(self, planned: Method, block: PulseBlock, onto=None) -> tuple[np.ndarray, Report]:
         """Image of a block by a method, which may want range profiles."""
         if planned.options.compressed and not self._options.compressed:
-            raw, block = block, prepared(planned, self._compressor, block)
+            raw, block = block, self._profiles(planned, block)
             if onto is None and on_device(block.samples):  # profiles went there, not the image
                 onto = zeros_beside(self.grid.shape, raw.samples)
         image, report = planned.image(block, onto)

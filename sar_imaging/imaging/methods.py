@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..backends import AUTO, check_illumination
+from ..backends import AUTO, CUDA, check_illumination
 from ..device_arrays import beside
 from ..geometry.grids import Grid, TerrainGrid
 from ..geometry.illumination import AntennaPattern, Illumination, Pointing
@@ -173,6 +173,11 @@ class Method:
         return (self._centres is not None
                 and all(map(np.array_equal, self._centres, (tx_m, rx_m)))
                 and (self.illumination is None or self._pointing.same_as(pointing)))
+
+    @property
+    def uses_device(self) -> bool:
+        """Whether a CUDA device computes its images."""
+        return self.options.backend == CUDA
 
     @classmethod
     def takes_raw(cls, radar: RadarParameters) -> bool:
