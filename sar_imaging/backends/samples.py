@@ -10,11 +10,11 @@ import numpy as np
 
 from ..device_arrays import on_device, to_host
 from ..signal.pulses import PulseBlock
-from ..signal.range_compression import RangeCompressor
 from . import AUTO, CUDA, backend as find_backend, require_device
 from .device import DeviceError, device_backend
 
 if TYPE_CHECKING:
+    from ..signal.range_compression import RangeCompressor
     from .protocol import Backend
 
 _logger = logging.getLogger(__name__)

@@ -32,8 +32,6 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from ..files import naming
-from ..yaml_text import read_yaml
 from .half_paths import Paths
 
 _PADDING = 8  # times the table, for its transform
@@ -1039,6 +1037,9 @@ class Antenna:
         ValueError
             The file cannot be read, or holds no antenna; the text names it.
         """
+        from ..files import naming
+        from ..yaml_text import read_yaml
+
         values = read_yaml(path)
         with naming(path, 'holds no antenna'):
             return cls.from_dict(values)

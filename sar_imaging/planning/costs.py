@@ -16,8 +16,6 @@ import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from ..files import read_text, replacing, told
-
 VARIABLE = 'SAR_IMAGING_COSTS'  # of the environment: file of measured costs
 
 
@@ -93,6 +91,8 @@ class CostModel:
     @classmethod
     def read(cls, path: Path) -> CostModel:
         """Costs from a file that `write` wrote; ValueError where it holds something else."""
+        from ..files import read_text, told
+
         try:
             return cls(**json.loads(read_text(path)))
         except (OSError, TypeError, ValueError) as error:
@@ -101,6 +101,8 @@ class CostModel:
 
     def write(self, path: Path) -> None:
         """Write costs as JSON."""
+        from ..files import replacing
+
         with replacing(path) as part:
             part.write_text(json.dumps(dataclasses.asdict(self), indent=2) + '\n')
 

@@ -13,7 +13,6 @@ from ...compilation import njit, numba
 from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
-from ...planning.exact.illumination import knot_positions
 from ...planning.exact.points import PointPlan, image_layers
 from ...planning.exact.polar_image import DEGREE, TAPS, AzimuthParts, PolarPlan
 from .illumination import LitEchoes, LitTiles
@@ -212,9 +211,9 @@ class _Lines:
         self._lit = None
         if route.lit is not None:
             echoes = LitEchoes.of(plan.illumination)
-            self._lit = [LitTiles(echoes, *knot_positions(
-                lines.locate(layer), lines.n_lines, lines.n_pixels, route.lattice.segment,
-                route.lit.apart)) for layer in range(len(lines.layouts))]
+            self._lit = [LitTiles(echoes, *route.lit.knots(
+                lines.locate(layer), lines.n_lines, lines.n_pixels, route.lattice.segment))
+                for layer in range(len(lines.layouts))]
 
     def add(self, samples, tx_m, rx_m, image) -> None:
         project_lines(self._profiles, samples, tx_m, rx_m, self._layers, self._phase,

@@ -48,13 +48,14 @@ from ...planning.afbp.beams import (
 from ...planning.afbp.lit_subapertures import NODES_APART, AmplitudeNodes
 from ...planning.afbp.subapertures import SubaperturePlan
 from ...signal.pulses import PulseBlock
-from .fft import float_lanes, transform_rows
+from .fft import transform_rows
 from .illumination import LitEchoes, two_way_amplitudes
 from .instructions import (
     FLOAT,
     INT,
     LINE_BYTES,
     Vector,
+    float_lanes,
     instructions,
     job_counter,
     order,

@@ -37,60 +37,32 @@ import functools
 import math
 import operator
 import os
-import re
 from typing import NamedTuple
 
 import numpy as np
 import scipy.fft
-from llvmlite import binding, ir
-from numba.core import cgutils, config, types
-from numba.core.codegen import get_host_cpu_features, initialize_llvm
+from llvmlite import ir
+from numba.core import cgutils, types
 
 from ...compilation import DETERMINISTIC, cfunc, njit, numba
 from ...planning.transform_lengths import RADICES, radices_of, row_shape
 from .instructions import (
-    DOUBLE,
+    BLOCK,
     FLOAT,
+    GROUP_BYTES,
     INT,
+    LANES,
     LINE_BYTES,
+    SAMPLE_BYTES,
+    VECTOR_BYTES,
     Vector,
     instructions,
+    integer_at,
     job_counter,
     take_job,
+    transpose,
 )
 from .memory import aligned_empty
-
-_MOST_LANES = 16  # float32 of a vector
-_ADDITION = re.compile(r'^\s*v?addps\s.*zmm', re.MULTILINE)
-
-
-@functools.cache
-def float_lanes() -> int:
-    """Numbers of float32 that kernels written in vectors take together: 16, or 8.
-
-    16 where a vector of the processor holds them, which is AVX-512. Otherwise 8: with 16 values
-    would not stay in registers (335 of 1,348 instructions of a transform of 16 move some, with 8
-    lanes 92 of 639), and with 4, where vectors hold 4, more time goes into all else.
-
-    LLVM is asked how it adds vectors on the processor that Numba compiles for: this one, or what
-    NUMBA_CPU_NAME and NUMBA_CPU_FEATURES name.
-    """
-    initialize_llvm()
-    module = ir.Module()
-    module.triple = binding.get_process_triple()
-    vector = ir.VectorType(ir.FloatType(), _MOST_LANES)
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [vector.as_pointer()]), 'add')
-    builder = ir.IRBuilder(function.append_basic_block())
-    value = builder.load(function.args[0], align=4)
-    builder.store(builder.fadd(value, value), function.args[0], align=4)
-    builder.ret_void()
-    name, features = config.CPU_NAME, config.CPU_FEATURES
-    machine = binding.Target.from_triple(module.triple).create_target_machine(
-        cpu=binding.get_host_cpu_name() if name is None else name,
-        features=get_host_cpu_features() if features is None else features)
-    code = machine.emit_assembly(binding.parse_assembly(str(module)))
-    return _MOST_LANES if _ADDITION.search(code) else _MOST_LANES // 2
-
 
 VARIABLE = 'SAR_IMAGING_TRANSFORMS'  # of the environment
 OWN, SCIPY = 'own', 'scipy'
@@ -119,13 +91,7 @@ def transform_by_scipy(data: np.ndarray, axis: int, *, inverse: bool) -> None:
         data[:] = result
 
 
-LANES = float_lanes()  # transformed together: a vector of the processor
-SAMPLE_BYTES, VECTOR_BYTES = 8, 4 * LANES
-GROUP_BYTES = LANES * SAMPLE_BYTES
-BLOCK = LANES // 2  # rows and columns of a transposition: samples of a vector
-
 _VECTOR, _PAIRS = ir.VectorType(FLOAT, LANES), ir.VectorType(FLOAT, 2 * LANES)
-_SAMPLES = ir.VectorType(DOUBLE, BLOCK)  # complex64 that are only moved
 _i = types.int64
 
 
@@ -147,17 +113,6 @@ def butterfly_of_turned(b, radix, source, sources, target, targets, turns):
         Vector(b, b.load(_entry(b, turns, _VECTOR, 2 * i + part), align=4)) for part in (0, 1)])
 
 
-@instructions(*[_i] * 4)
-def transpose(b, source, source_step, target, target_step):
-    """Transpose `BLOCK` x `BLOCK` samples; steps are the bytes from a row to the next."""
-    def row(place, step, i):
-        return b.pointer(b.add(place, b.mul(step, INT(i))), _SAMPLES)
-
-    rows = [b.load(row(source, source_step, i), align=4) for i in range(BLOCK)]
-    for i, samples in enumerate(b.transposed(rows)):
-        b.store(samples, row(target, target_step, i), align=4)
-
-
 @instructions(*[_i] * 3)
 def fetch(b, place, places, number):
     """Bring groups into the cache: `place` plus some entries of the int64 table `places`."""
@@ -165,12 +120,6 @@ def fetch(b, place, places, number):
         group = _group(b, place, places, loop.index)
         for at in range(0, GROUP_BYTES, LINE_BYTES):
             b.fetch_line(b.pointer(group, ir.IntType(8), at))
-
-
-@instructions(_i, returns=_i)
-def integer_at(b, address):
-    """The int64 at an address."""
-    return b.load(b.pointer(address, INT))
 
 
 @instructions(_i, None, returns=_i)

@@ -12,14 +12,16 @@ of a flat block lie in the same cone, so does the block.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ...compilation import DETERMINISTIC, njit, numba
 from ...geometry.illumination import Illumination
-from ...planning.exact.illumination import knot_numbers
 from ...planning.exact.points import ImagePoints
+
+if TYPE_CHECKING:
+    from ...planning.exact.illumination import LitPoints
 
 
 class LitEchoes(NamedTuple):
@@ -163,8 +165,10 @@ class TileKnots:
     ----------
     points : ImagePoints
         One part of an image.
-    tile, degree : (int, int)
-        Rows and columns of a tile, and degree of the interpolation along them.
+    tile : (int, int)
+        Rows and columns of a tile.
+    lit : LitPoints
+        Where knots lie.
 
     Attributes
     ----------
@@ -174,9 +178,8 @@ class TileKnots:
         1 where one has no position.
     """
 
-    def __init__(self, points: ImagePoints, tile: tuple[int, int], degree: tuple[int, int]):
-        rows, columns = (knot_numbers(*sizes) for sizes in zip(points.size, tile, degree,
-                                                               strict=True))
+    def __init__(self, points: ImagePoints, tile: tuple[int, int], lit: LitPoints):
+        rows, columns = lit.knots(points.size, tile)
         self._positions = points.positions(rows[:, None], columns).reshape(-1)
         self.line = len(columns)
         self.unknown = np.isnan(self._positions.reshape(-1, 3)).any(axis=1).view(np.uint8)

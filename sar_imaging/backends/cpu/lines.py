@@ -11,17 +11,19 @@ before it becomes float32.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ...compilation import njit, numba
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
-from ...planning.exact.illumination import LitLines, knot_positions
 from ...planning.interpolators import LINE_DEGREE
 from .illumination import LitEchoes, LitTiles
 from .profiles import Profiles
+
+if TYPE_CHECKING:
+    from ...planning.exact.illumination import LitLines
 
 LINES = 32  # image lines whose geometry is computed together
 _PLANES = 2 * (LINE_DEGREE + 1)
@@ -414,7 +416,7 @@ class PolarLines:
         self._polar, self._profiles = polar, profiles
         size = polar.n_alpha, polar.n_range, lattice.segment
         self._lines = line_middles(polar.locate, *size)
-        self._knots = lit and knot_positions(polar.locate, *size, lit.apart)
+        self._knots = lit and lit.knots(polar.locate, *size)
         # from the phase that the kernel leaves to range baseband
         cycles = 2 * (lattice.cell_m - polar.range_spacing_m) / profiles.radar.wavelength_m
         self._ramp = _phasor(cycles * np.arange(polar.n_range))

@@ -106,7 +106,7 @@ def project_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m
     """
     profiles = Profiles(plan.window, plan.lattice, plan.range_m, memory)
     work = _work_space()
-    knots = [plan.lit and TileKnots(points, plan.tile, plan.lit.degree) for points in layers]
+    knots = [plan.lit and TileKnots(points, plan.tile, plan.lit) for points in layers]
     for echoes in profiles.chunks(len(samples)):
         planes = profiles.planes(samples[echoes])
         coefficients = np.ascontiguousarray(planes[:, 0].transpose(0, 2, 1))

@@ -25,17 +25,23 @@ from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...planning.interpolators import Interpolator
 from . import lines
-from .fft import BLOCK, GROUP_BYTES, LANES, SAMPLE_BYTES, VECTOR_BYTES, integer_at, transpose
 from .instructions import (
+    BLOCK,
     DOUBLE,
     FLOAT,
+    GROUP_BYTES,
     INT,
     INT32,
+    LANES,
+    SAMPLE_BYTES,
+    VECTOR_BYTES,
     Vector,
     instructions,
+    integer_at,
     job_counter,
     order,
     take_job,
+    transpose,
 )
 from .memory import aligned_empty
 

@@ -24,7 +24,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...geometry.illumination import Illumination
-from ...planning.exact.illumination import knot_numbers
 from ...planning.exact.points import ImagePoints, PointPlan
 from ...signal.radar import RadarParameters
 from .arrays import (
@@ -505,8 +504,7 @@ class _Knots:
 
     def __init__(self, points: ImagePoints, rows: slice, plan: PointPlan):
         (n_y, n_x), (height, _), (degree, _) = points.size, plan.tile, plan.lit.degree
-        down, across = (knot_numbers(*sizes) for sizes in zip(points.size, plan.tile,
-                                                              plan.lit.degree, strict=True))
+        down, across = plan.lit.knots(points.size, plan.tile)
         down = down[rows.start // height * degree:-(-rows.stop // height) * degree + 1]
         if plan.lit.each:
             down = down[:0]  # none is read

@@ -198,6 +198,11 @@ class LitLines:
     share: float
     predicted_error_db: float
 
+    def knots(self, locate: Callable, n_lines: int, n_pixels: int, segment: int
+              ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """See `knot_positions`."""
+        return knot_positions(locate, n_lines, n_pixels, segment, self.apart)
+
     def n_bytes(self, n_lines: int, n_pixels: int, segment: int, n_layers: int = 1) -> int:
         """Memory of the knots' positions, in float64, and of a pass's amplitudes, in float32."""
         groups, segments, knots = (-(-n_lines // LINES), -(-n_pixels // segment),
@@ -372,10 +377,13 @@ class LitPoints:
     dearer: float
     predicted_error_db: float
 
+    def knots(self, shape: tuple[int, int], tile: tuple[int, int]) -> list[np.ndarray]:
+        """Rows and columns of the knots of tiles, (K,) int64 each."""
+        return [knot_numbers(*sizes) for sizes in zip(shape, tile, self.degree, strict=True)]
+
     def n_bytes(self, shape: tuple[int, int], tile: tuple[int, int]) -> int:
         """Memory of the knots' positions, in float64, and of a pass's amplitudes, in float32."""
-        return math.prod(len(knot_numbers(*sizes)) for sizes in zip(
-            shape, tile, self.degree, strict=True)) * (24 + 4 * ECHOES_PER_PASS)
+        return math.prod(map(len, self.knots(shape, tile))) * (24 + 4 * ECHOES_PER_PASS)
 
 
 def knot_numbers(size: int, side: int, degree: int) -> np.ndarray:
