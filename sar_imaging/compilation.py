@@ -63,16 +63,27 @@ class _WideCompiler(compiler.Compiler):
         self.state.targetctx.__class__ = _WideContext
 
 
-def njit(function: Callable | None = None, **options):
+class _DistinctCompiler(_WideCompiler):
+    """The same; LLVM takes the arrays of the arguments for memory that does not overlap."""
+
+    def __init__(self, typing_context, target_context, *others):
+        super().__init__(typing_context, target_context, *others)
+        self.state.flags.noalias = True
+
+
+def njit(function: Callable | None = None, *, distinct: bool = False, **options):
     """`numba.njit` that releases the GIL, caches on disk and may reassociate sums.
+
+    Arrays of the arguments are taken for memory that does not overlap where they are `distinct`.
 
     LLVM uses the processor's widest vectors. Other functions that Numba compiles in the process,
     and `numba.config`, stay as they are.
     """
     if function is None:
-        return functools.partial(njit, **options)
+        return functools.partial(njit, distinct=distinct, **options)
     options = {'nogil': True, 'cache': True, 'fastmath': FASTMATH} | options
-    return _cached(numba.njit(pipeline_class=_WideCompiler, **options), function)
+    compiler_class = _DistinctCompiler if distinct else _WideCompiler
+    return _cached(numba.njit(pipeline_class=compiler_class, **options), function)
 
 
 def cfunc(signature, **options):

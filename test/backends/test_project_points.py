@@ -3,7 +3,12 @@
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cpu.points import NOT_LIT, _project_points, _work_space
+from sar_imaging.backends.cpu.points import (
+    PointProfiles,
+    PointTiles,
+    PointWork,
+    _project_points,
+)
 from sar_imaging.backends.reference.project_points import half_paths
 
 
@@ -59,9 +64,10 @@ def test_sums_of_given_polynomials(seed, n_rows, n_y, n_x, tile, kind, near, in_
     before = image.astype(float).view(complex)[..., 0]
     reach_m = 0.0 if in_float64 else np.inf
     per_step = 2 * step_m / wavelength_m
-    _project_points(coefficients.reshape(-1), (n_rows, n_cells), tx, rx, *args, (n_y, n_x), tile,
-                    zero_m, step_m, per_step, cycles, reach_m, image.reshape(-1), *_work_space(),
-                    *NOT_LIT)
+    profiles = PointProfiles(coefficients.reshape(-1), n_rows, n_cells, zero_m, step_m, per_step,
+                             cycles)
+    _project_points(profiles, tx, rx, PointTiles(*args, n_y, n_x, *tile, reach_m),
+                    image.reshape(-1), PointWork.for_threads(), None)
 
     wanted = before.copy()
     for some, way in zip(coefficients.astype(float), path, strict=True):

@@ -18,6 +18,7 @@ several times as fast.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -73,7 +74,6 @@ def _transposed(b, quads):
 
 
 TILE = 256  # largest number of points in a tile
-NOT_LIT = (None,) * 13  # of the loop's arguments, where all points are lit alike
 NEAREST = 16.0  # least distance of a phase centre in tile radii: the series below holds to 1e-7
 _GROUPS_PER_THREAD = 4  # evens the load out
 
@@ -105,218 +105,325 @@ def project_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m
         Of the echoes.
     """
     profiles = Profiles(plan.window, plan.lattice, plan.range_m, memory)
-    work = _work_space()
+    work, tiles = PointWork.for_threads(), [PointTiles.of(points, plan) for points in layers]
     knots = [plan.lit and TileKnots(points, plan.tile, plan.lit) for points in layers]
     for echoes in profiles.chunks(len(samples)):
-        planes = profiles.planes(samples[echoes])
-        coefficients = np.ascontiguousarray(planes[:, 0].transpose(0, 2, 1))
-        for points, part, tiles in zip(layers, np.split(image, len(layers)), knots, strict=True):
-            _project_points(
-                coefficients.reshape(-1), coefficients.shape[:2], tx_m[echoes], rx_m[echoes],
-                *points.coordinates, points.strides, points.size, plan.tile,
-                profiles.range_at(0), plan.lattice.step_m, profiles.cycles_per_step,
-                profiles.cycles_at(0), plan.reach_m, part, *work,
-                *(NOT_LIT if illumination is None else _lit(
-                    plan, illumination.select(echoes), tiles)))
+        some = PointProfiles.of(profiles, samples[echoes])
+        for layer, part, nodes in zip(tiles, np.split(image, len(layers)), knots, strict=True):
+            _project_points(some, tx_m[echoes], rx_m[echoes], layer, part, work,
+                            None if illumination is None else PointLight.of(
+                                plan, illumination.select(echoes), nodes))
 
 
-def _lit(plan: PointPlan, illumination: Illumination, tiles: TileKnots) -> tuple:
-    """Arguments of the compiled loop that tell the amplitudes of some echoes."""
-    echoes = PointEchoes.of(illumination)
-    n = numba.get_num_threads() * _GROUPS_PER_THREAD * TILE
-    return (*echoes, LitEchoes.of(illumination).ends, int(plan.lit.each),
-            np.array(plan.lit.degree), tiles.line, tiles.unknown,
-            tiles.amplitudes(echoes), np.empty(n, np.float32),
-            *(v.astype(np.float32) for v in np.divmod(np.arange(TILE), plan.tile[1])))
+class PointProfiles(NamedTuple):
+    """Profiles of some echoes as the compiled loop over points takes them.
+
+    Parameters
+    ----------
+    coefficients : (R * n * 8,) float32
+        Those of each interval side by side; of the first and the last interval they are zero.
+    n_echoes, n_cells : int
+        R and n.
+    range_zero, step : float
+        Half path at the beginning of the first interval, and length of one, metres.
+    cycles_per_step, cycles_zero : float
+        Phase of the carrier along an interval, and at the beginning of the first.
+    """
+
+    coefficients: np.ndarray
+    n_echoes: int
+    n_cells: int
+    range_zero: float
+    step: float
+    cycles_per_step: float
+    cycles_zero: float
+
+    @classmethod
+    def of(cls, profiles: Profiles, samples: np.ndarray) -> PointProfiles:
+        """Of the profiles of some echoes."""
+        coefficients = np.ascontiguousarray(profiles.planes(samples)[:, 0].transpose(0, 2, 1))
+        return cls(coefficients.reshape(-1), *coefficients.shape[:2], profiles.range_at(0),
+                   profiles.lattice.step_m, profiles.cycles_per_step, profiles.cycles_at(0))
 
 
-def _work_space() -> tuple[np.ndarray, ...]:
-    """Arrays that `_project_points` works in, for the threads in use."""
-    n = numba.get_num_threads() * _GROUPS_PER_THREAD * TILE
-    return (np.empty(3 * n), np.empty(4 * n, np.float32), np.empty(n, np.int32),
-            *(np.empty(k * n, np.float32) for k in (1, 1, 1, 1, RUN)))
+class PointTiles(NamedTuple):
+    """Points of an image, and the tiles that they are taken in.
+
+    Parameters
+    ----------
+    xs, ys, zs, strides, n_y, n_x :
+        Coordinates, strides and size of `ImagePoints`.
+    height, width : int
+        Rows and columns of a tile: a multiple of 16 points, at most `TILE`.
+    reach : float
+        Radius up to which tiles are computed in float32, metres.
+    """
+
+    xs: np.ndarray
+    ys: np.ndarray
+    zs: np.ndarray
+    strides: np.ndarray
+    n_y: int
+    n_x: int
+    height: int
+    width: int
+    reach: float
+
+    @classmethod
+    def of(cls, points: ImagePoints, plan: PointPlan) -> PointTiles:
+        """Of some points by a plan."""
+        return cls(*points.coordinates, points.strides, *points.size, *plan.tile, plan.reach_m)
+
+
+class PointWork(NamedTuple):
+    """What threads work in: a number of each point of a tile, or three, four or eight."""
+
+    places: np.ndarray
+    offsets: np.ndarray
+    index: np.ndarray
+    part: np.ndarray
+    cycles: np.ndarray
+    amplitude: np.ndarray
+    real: np.ndarray
+    imag: np.ndarray
+    columns: np.ndarray
+
+    @classmethod
+    def for_threads(cls) -> PointWork:
+        """For as many as Numba uses now."""
+        n = numba.get_num_threads() * _GROUPS_PER_THREAD * TILE
+        return cls(np.empty(3 * n), np.empty(4 * n, np.float32), np.empty(n, np.int32),
+                   *np.empty((5, n), np.float32), np.empty(RUN * n, np.float32))
+
+
+class PointLight(NamedTuple):
+    """How echoes light points.
+
+    Parameters
+    ----------
+    centre, axes, table, place :
+        Of `PointEchoes`.
+    ends : (6,) float64
+        Of `LitEchoes`.
+    each : int
+        1 where amplitudes are found at each point of all tiles.
+    degree : (2,) int64
+        Of the interpolation between knots along rows and columns.
+    line, unknown :
+        Of `TileKnots`.
+    knots : (K * R,) float32
+        Amplitudes at the knots of each echo in turn.
+    down, across : (TILE,) float32
+        Row and column of each point of a tile.
+    """
+
+    centre: np.ndarray
+    axes: np.ndarray
+    table: np.ndarray
+    place: np.ndarray
+    ends: np.ndarray
+    each: int
+    degree: np.ndarray
+    line: int
+    unknown: np.ndarray
+    knots: np.ndarray
+    down: np.ndarray
+    across: np.ndarray
+
+    @classmethod
+    def of(cls, plan: PointPlan, illumination: Illumination, tiles: TileKnots) -> PointLight:
+        """Of the points of a plan, by some echoes."""
+        echoes = PointEchoes.of(illumination)
+        return cls(*echoes, LitEchoes.of(illumination).ends, int(plan.lit.each),
+                   np.array(plan.lit.degree), tiles.line, tiles.unknown, tiles.amplitudes(echoes),
+                   *(v.astype(np.float32) for v in np.divmod(np.arange(TILE), plan.tile[1])))
 
 
 @njit(parallel=True)
-def _project_points(coefficients, shape, tx, rx, xs, ys, zs, strides, size, tile, range_zero, step,
-                    cycles_per_step, cycles_zero, reach, image, places, offsets, index, part,
-                    cycles, real, imag, columns, centre, axes, table, place, ends, each, degree,
-                    line, unknown, knots, amplitude, down, across):
-    """Tile by tile of the points of `ImagePoints`; free of views, see `lines.project_lines`.
+def _project_points(profiles, tx, rx, tiles, image, work, light):
+    """Threads take tiles in turn; `light` is None where all points are lit alike.
 
-    `coefficients` are those of each interval side by side, the first and the last ones zero; half
-    path and carrier phase are told at the first. Tiles have a multiple of 16 points, at most
-    `TILE`, and are computed in float32 up to a radius of `reach`, metres.
+    What the loop does is a function of its own: Numba 0.68 loses a factor of the amplitudes where
+    a parallel loop itself takes named tuples apart.
     """
-    n_echoes, n_cells = shape
-    n_y, n_x = size
-    height, width = tile
+    n_groups = len(work.index) // TILE
+    for group in numba.prange(n_groups):
+        _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, light)
+
+
+@njit(distinct=True, error_model='numpy')
+def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, light):
+    """Add echoes to every so many tiles."""
+    coefficients, n_echoes, n_cells, range_zero, step, cycles_per_step, cycles_zero = profiles
+    xs, ys, zs, strides, n_y, n_x, height, width, reach = tiles
+    places, offsets, index, part, cycles, amplitude, real, imag, columns = work
+    if light is not None:
+        (centre, axes, table, place, ends, each, degree, line, unknown, knots, down,
+         across) = light
     tiles_x = (n_x + width - 1) // width
     n_tiles = tiles_x * ((n_y + height - 1) // height)
-    n_groups = len(index) // TILE
     inverse_step = 1.0 / step
     last = n_cells - 1.0
-    for group in numba.prange(n_groups):
-        count, one, two = np.uint64(height * width), np.uint64(TILE), np.uint64(2 * TILE)
-        to = np.uint64(group * TILE)
-        px = np.uint64(group * 3 * TILE)
-        py, pz = px + one, px + two
-        ox = np.uint64(group * 4 * TILE)
-        oy, oz = ox + one, ox + two
-        oo = oy + two
-        r0 = np.uint64(group * RUN * TILE)
-        r1, r2 = r0 + one, r0 + two
-        r3, i0 = r1 + two, r2 + two
-        i1, i2 = i0 + one, i0 + two
-        i3 = i1 + two
-        for number in range(group, n_tiles, n_groups):
-            top, left = number // tiles_x * height, number % tiles_x * width
-            x0, y0, z0, x1, y1, z1 = _box(xs, ys, zs, strides, top, min(top + height, n_y), left,
-                                          min(left + width, n_x))
-            if x0 > x1:
-                continue
-            cx, cy, cz = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (z0 + z1)
-            radius = 0.5 * np.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2 + (z1 - z0) ** 2)
-            for k in range(count):
-                # beyond the edge of the array the last points are computed again, and not used
-                i = min(top + np.int64(k) // width, n_y - 1)
-                j = min(left + np.int64(k) % width, n_x - 1)
-                x, y, z = _place(xs, ys, zs, strides, i, j)
-                if x + y + z != x + y + z:
-                    x, y, z = cx, cy, cz
-                places[px + k], places[py + k], places[pz + k] = x, y, z
-                x, y, z = x - cx, y - cy, z - cz
-                offsets[ox + k], offsets[oy + k], offsets[oz + k] = x, y, z
-                offsets[oo + k] = x * x + y * y + z * z
-                real[to + k] = 0.0
-                imag[to + k] = 0.0
-            alone = 0
-            if knots is not None:
-                # rows and columns from the first knot of the tile to the last
-                rows, wide = min(height, n_y - 1 - top), min(width, n_x - 1 - left)
-                corner = np.int64((number // tiles_x * degree[0]) * line
-                                  + number % tiles_x * degree[1])
-                alone = each | _unknown_knot(unknown, corner, degree, line)
-                # Differences between knots by the pixel; none of second order for lines.
-                iy, ix = np.float32(1.0 / max(rows, 1)), np.float32(1.0 / max(wide, 1))
-                y_bent, x_bent = degree[0] // 2 * (rows // 2), degree[1] // 2 * (wide // 2)
-                above = np.float32(min(y_bent, 1) * iy / max(y_bent, 1))
-                below = np.float32(min(y_bent, 1) * iy / max(rows - y_bent, 1))
-                before = np.float32(min(x_bent, 1) * ix / max(x_bent, 1))
-                after = np.float32(min(x_bent, 1) * ix / max(wide - x_bent, 1))
-            for echo in range(n_echoes):
-                if knots is not None:
-                    if alone == 1:
-                        if dark_sphere(centre, axes, ends, np.uint64(echo), cx, cy, cz,
-                                       radius) == 1:
-                            continue
-                        for k in range(count):
-                            amplitude[to + k] = amplitude_of(
-                                centre, axes, table, place, np.uint64(echo), places[px + k],
-                                places[py + k], places[pz + k])
-                    elif degree[0] < 2 and degree[1] < 2:
-                        at, to_last = corner * n_echoes + echo, degree[0] * line * n_echoes
-                        a0, a1 = knots[at], knots[at + to_last]
-                        at += degree[1] * n_echoes
-                        b0, b1 = knots[at], knots[at + to_last]
-                        if a0 + a1 + b0 + b1 == 0.0:
-                            continue
-                        b0, b1 = (b0 - a0) * ix, (b1 - a1) * ix
-                        a1, b1 = (a1 - a0) * iy, (b1 - b0) * iy
-                        for k in range(count):
-                            w, s = across[k], down[k]
-                            amplitude[to + k] = a0 + w * b0 + s * (a1 + w * b1)
-                    else:
-                        # parabolas along rows of knots, whose coefficients are such along columns
-                        at, to_mid = corner * n_echoes + echo, degree[0] // 2 * line * n_echoes
-                        to_last = degree[0] * line * n_echoes
-                        mid, end = degree[1] // 2 * n_echoes, degree[1] * n_echoes
-                        a0, a1, a2 = knots[at], knots[at + to_mid], knots[at + to_last]
-                        b0, b1, b2 = (knots[at + end], knots[at + to_mid + end],
-                                      knots[at + to_last + end])
-                        c0, c1, c2 = (knots[at + mid], knots[at + to_mid + mid],
-                                      knots[at + to_last + mid])
-                        if a0 + a1 + a2 + b0 + b1 + b2 + c0 + c1 + c2 == 0.0:
-                            continue
-                        c0 = _bend(a0, c0, b0, before, after)
-                        c1 = _bend(a1, c1, b1, before, after)
-                        c2 = _bend(a2, c2, b2, before, after)
-                        length = np.float32(wide)
-                        b0, b1, b2 = ((b0 - a0) * ix - c0 * length, (b1 - a1) * ix - c1 * length,
-                                      (b2 - a2) * ix - c2 * length)
-                        length = np.float32(rows)
-                        d = _bend(a0, a1, a2, above, below)
-                        a1, a2 = (a2 - a0) * iy - d * length, d
-                        d = _bend(b0, b1, b2, above, below)
-                        b1, b2 = (b2 - b0) * iy - d * length, d
-                        d = _bend(c0, c1, c2, above, below)
-                        c1, c2 = (c2 - c0) * iy - d * length, d
-                        for k in range(count):
-                            w, s = across[k], down[k]
-                            amplitude[to + k] = a0 + w * (b0 + w * c0) + s * (
-                                a1 + w * (b1 + w * c1) + s * (a2 + w * (b2 + w * c2)))
-                ax, ay, az, da = _vector(tx, echo, cx, cy, cz)
-                bx, by, bz, db = _vector(rx, echo, cx, cy, cz)
-                if radius < min(reach, min(da, db) * (1.0 / NEAREST)):
-                    v = (0.5 * (da + db) - range_zero) * inverse_step
-                    cell = np.floor(v)
-                    t0, c0 = np.float32(v - cell), np.float32(
-                        _fraction(cycles_per_step * v + cycles_zero))
-                    # far outside stays outside whatever the offset
-                    n0 = np.float32(min(max(cell, -4e6), 4e6))
-                    scale = inverse_step / da
-                    ux, uy, uz = (np.float32(ax * scale), np.float32(ay * scale),
-                                  np.float32(az * scale))
-                    wa, ia = np.float32(0.5 * scale), np.float32(2.0 * step / da)
-                    scale = inverse_step / db
-                    vx, vy, vz = (np.float32(bx * scale), np.float32(by * scale),
-                                  np.float32(bz * scale))
-                    wb, ib = np.float32(0.5 * scale), np.float32(2.0 * step / db)
-                    turns, n_last = np.float32(cycles_per_step), np.float32(last)
+    count, one, two = np.uint64(height * width), np.uint64(TILE), np.uint64(2 * TILE)
+    to = np.uint64(group * TILE)
+    px = np.uint64(group * 3 * TILE)
+    py, pz = px + one, px + two
+    ox = np.uint64(group * 4 * TILE)
+    oy, oz = ox + one, ox + two
+    oo = oy + two
+    r0 = np.uint64(group * RUN * TILE)
+    r1, r2 = r0 + one, r0 + two
+    r3, i0 = r1 + two, r2 + two
+    i1, i2 = i0 + one, i0 + two
+    i3 = i1 + two
+    for number in range(group, n_tiles, n_groups):
+        top, left = number // tiles_x * height, number % tiles_x * width
+        x0, y0, z0, x1, y1, z1 = _box(xs, ys, zs, strides, top, min(top + height, n_y), left,
+                                      min(left + width, n_x))
+        if x0 > x1:
+            continue
+        cx, cy, cz = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (z0 + z1)
+        radius = 0.5 * np.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2 + (z1 - z0) ** 2)
+        for k in range(count):
+            # beyond the edge of the array the last points are computed again, and not used
+            i = min(top + np.int64(k) // width, n_y - 1)
+            j = min(left + np.int64(k) % width, n_x - 1)
+            x, y, z = _place(xs, ys, zs, strides, i, j)
+            if x + y + z != x + y + z:
+                x, y, z = cx, cy, cz
+            places[px + k], places[py + k], places[pz + k] = x, y, z
+            x, y, z = x - cx, y - cy, z - cz
+            offsets[ox + k], offsets[oy + k], offsets[oz + k] = x, y, z
+            offsets[oo + k] = x * x + y * y + z * z
+            real[to + k] = 0.0
+            imag[to + k] = 0.0
+        alone = 0
+        if light is not None:
+            # rows and columns from the first knot of the tile to the last
+            rows, wide = min(height, n_y - 1 - top), min(width, n_x - 1 - left)
+            corner = np.int64((number // tiles_x * degree[0]) * line
+                              + number % tiles_x * degree[1])
+            alone = each | _unknown_knot(unknown, corner, degree, line)
+            # Differences between knots by the pixel; none of second order for lines.
+            iy, ix = np.float32(1.0 / max(rows, 1)), np.float32(1.0 / max(wide, 1))
+            y_bent, x_bent = degree[0] // 2 * (rows // 2), degree[1] // 2 * (wide // 2)
+            above = np.float32(min(y_bent, 1) * iy / max(y_bent, 1))
+            below = np.float32(min(y_bent, 1) * iy / max(rows - y_bent, 1))
+            before = np.float32(min(x_bent, 1) * ix / max(x_bent, 1))
+            after = np.float32(min(x_bent, 1) * ix / max(wide - x_bent, 1))
+        for echo in range(n_echoes):
+            if light is not None:
+                if alone == 1:
+                    if dark_sphere(centre, axes, ends, np.uint64(echo), cx, cy, cz,
+                                   radius) == 1:
+                        continue
                     for k in range(count):
-                        x, y, z = offsets[ox + k], offsets[oy + k], offsets[oz + k]
-                        # q / 2 of both legs, in lattice steps
-                        q = ux * x + uy * y + uz * z + wa * offsets[oo + k]
-                        p = vx * x + vy * y + vz * z + wb * offsets[oo + k]
-                        shift = q * _root_series(q * ia) + p * _root_series(p * ib)
-                        t = t0 + shift
-                        n = np.floor(t)
-                        part[to + k] = t - n
-                        n = min(max(n + n0, np.float32(0)), n_last)
-                        index[to + k] = np.int32(np.float32(RUN) * n)
-                        cycles[to + k] = _fraction(c0 + turns * shift)
+                        amplitude[to + k] = amplitude_of(
+                            centre, axes, table, place, np.uint64(echo), places[px + k],
+                            places[py + k], places[pz + k])
+                elif degree[0] < 2 and degree[1] < 2:
+                    at, to_last = corner * n_echoes + echo, degree[0] * line * n_echoes
+                    a0, a1 = knots[at], knots[at + to_last]
+                    at += degree[1] * n_echoes
+                    b0, b1 = knots[at], knots[at + to_last]
+                    if a0 + a1 + b0 + b1 == 0.0:
+                        continue
+                    b0, b1 = (b0 - a0) * ix, (b1 - a1) * ix
+                    a1, b1 = (a1 - a0) * iy, (b1 - b0) * iy
+                    for k in range(count):
+                        w, s = across[k], down[k]
+                        amplitude[to + k] = a0 + w * b0 + s * (a1 + w * b1)
                 else:
+                    # parabolas along rows of knots, whose coefficients are such along columns
+                    at, to_mid = corner * n_echoes + echo, degree[0] // 2 * line * n_echoes
+                    to_last = degree[0] * line * n_echoes
+                    mid, end = degree[1] // 2 * n_echoes, degree[1] * n_echoes
+                    a0, a1, a2 = knots[at], knots[at + to_mid], knots[at + to_last]
+                    b0, b1, b2 = (knots[at + end], knots[at + to_mid + end],
+                                  knots[at + to_last + end])
+                    c0, c1, c2 = (knots[at + mid], knots[at + to_mid + mid],
+                                  knots[at + to_last + mid])
+                    if a0 + a1 + a2 + b0 + b1 + b2 + c0 + c1 + c2 == 0.0:
+                        continue
+                    c0 = _bend(a0, c0, b0, before, after)
+                    c1 = _bend(a1, c1, b1, before, after)
+                    c2 = _bend(a2, c2, b2, before, after)
+                    length = np.float32(wide)
+                    b0, b1, b2 = ((b0 - a0) * ix - c0 * length, (b1 - a1) * ix - c1 * length,
+                                  (b2 - a2) * ix - c2 * length)
+                    length = np.float32(rows)
+                    d = _bend(a0, a1, a2, above, below)
+                    a1, a2 = (a2 - a0) * iy - d * length, d
+                    d = _bend(b0, b1, b2, above, below)
+                    b1, b2 = (b2 - b0) * iy - d * length, d
+                    d = _bend(c0, c1, c2, above, below)
+                    c1, c2 = (c2 - c0) * iy - d * length, d
                     for k in range(count):
-                        x, y, z = places[px + k], places[py + k], places[pz + k]
-                        ax, ay, az, da = _vector(tx, echo, x, y, z)
-                        bx, by, bz, db = _vector(rx, echo, x, y, z)
-                        v = (0.5 * (da + db) - range_zero) * inverse_step
-                        n = np.floor(v)
-                        part[to + k] = v - n
-                        index[to + k] = np.int32(RUN * min(max(n, 0.0), last))
-                        cycles[to + k] = _fraction(cycles_per_step * v + cycles_zero)
-                for first in range(0, height * width, PIXELS):
-                    load_columns(coefficients, echo * n_cells * RUN, index, np.int64(to) + first,
-                                 columns, np.int64(r0) + first, TILE)
+                        w, s = across[k], down[k]
+                        amplitude[to + k] = a0 + w * (b0 + w * c0) + s * (
+                            a1 + w * (b1 + w * c1) + s * (a2 + w * (b2 + w * c2)))
+            ax, ay, az, da = _vector(tx, echo, cx, cy, cz)
+            bx, by, bz, db = _vector(rx, echo, cx, cy, cz)
+            if radius < min(reach, min(da, db) * (1.0 / NEAREST)):
+                v = (0.5 * (da + db) - range_zero) * inverse_step
+                cell = np.floor(v)
+                t0, c0 = np.float32(v - cell), np.float32(
+                    _fraction(cycles_per_step * v + cycles_zero))
+                # far outside stays outside whatever the offset
+                n0 = np.float32(min(max(cell, -4e6), 4e6))
+                scale = inverse_step / da
+                ux, uy, uz = (np.float32(ax * scale), np.float32(ay * scale),
+                              np.float32(az * scale))
+                wa, ia = np.float32(0.5 * scale), np.float32(2.0 * step / da)
+                scale = inverse_step / db
+                vx, vy, vz = (np.float32(bx * scale), np.float32(by * scale),
+                              np.float32(bz * scale))
+                wb, ib = np.float32(0.5 * scale), np.float32(2.0 * step / db)
+                turns, n_last = np.float32(cycles_per_step), np.float32(last)
                 for k in range(count):
-                    t = part[to + k]
-                    re = columns[r0 + k] + t * (columns[r1 + k] + t * (
-                        columns[r2 + k] + t * columns[r3 + k]))
-                    im = columns[i0 + k] + t * (columns[i1 + k] + t * (
-                        columns[i2 + k] + t * columns[i3 + k]))
-                    c = cycles[to + k]
-                    sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
-                    if knots is not None:
-                        re, im = re * amplitude[to + k], im * amplitude[to + k]
-                    real[to + k] += re * cosine - im * sine
-                    imag[to + k] += re * sine + im * cosine
-            for i in range(top, min(top + height, n_y)):
-                for j in range(left, min(left + width, n_x)):
-                    x, y, z = _place(xs, ys, zs, strides, i, j)
-                    if x + y + z == x + y + z:
-                        k = np.uint64((i - top) * width + j - left)
-                        image[2 * (i * n_x + j)] += real[to + k]
-                        image[2 * (i * n_x + j) + 1] += imag[to + k]
+                    x, y, z = offsets[ox + k], offsets[oy + k], offsets[oz + k]
+                    # q / 2 of both legs, in lattice steps
+                    q = ux * x + uy * y + uz * z + wa * offsets[oo + k]
+                    p = vx * x + vy * y + vz * z + wb * offsets[oo + k]
+                    shift = q * _root_series(q * ia) + p * _root_series(p * ib)
+                    t = t0 + shift
+                    n = np.floor(t)
+                    part[to + k] = t - n
+                    n = min(max(n + n0, np.float32(0)), n_last)
+                    index[to + k] = np.int32(np.float32(RUN) * n)
+                    cycles[to + k] = _fraction(c0 + turns * shift)
+            else:
+                for k in range(count):
+                    x, y, z = places[px + k], places[py + k], places[pz + k]
+                    ax, ay, az, da = _vector(tx, echo, x, y, z)
+                    bx, by, bz, db = _vector(rx, echo, x, y, z)
+                    v = (0.5 * (da + db) - range_zero) * inverse_step
+                    n = np.floor(v)
+                    part[to + k] = v - n
+                    index[to + k] = np.int32(RUN * min(max(n, 0.0), last))
+                    cycles[to + k] = _fraction(cycles_per_step * v + cycles_zero)
+            for first in range(0, height * width, PIXELS):
+                load_columns(coefficients, echo * n_cells * RUN, index, np.int64(to) + first,
+                             columns, np.int64(r0) + first, TILE)
+            for k in range(count):
+                t = part[to + k]
+                re = columns[r0 + k] + t * (columns[r1 + k] + t * (
+                    columns[r2 + k] + t * columns[r3 + k]))
+                im = columns[i0 + k] + t * (columns[i1 + k] + t * (
+                    columns[i2 + k] + t * columns[i3 + k]))
+                c = cycles[to + k]
+                sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
+                if light is not None:
+                    re, im = re * amplitude[to + k], im * amplitude[to + k]
+                real[to + k] += re * cosine - im * sine
+                imag[to + k] += re * sine + im * cosine
+        for i in range(top, min(top + height, n_y)):
+            for j in range(left, min(left + width, n_x)):
+                x, y, z = _place(xs, ys, zs, strides, i, j)
+                if x + y + z == x + y + z:
+                    k = np.uint64((i - top) * width + j - left)
+                    image[2 * (i * n_x + j)] += real[to + k]
+                    image[2 * (i * n_x + j) + 1] += imag[to + k]
 
 
 @njit(inline='always')
