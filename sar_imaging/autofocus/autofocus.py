@@ -79,7 +79,7 @@ class Autofocus:
     Parameters
     ----------
     grid : MapGrid
-        Of the image.
+        Grid of the image.
     model : callable, optional
         From a PulseBlock to a `GeometryModel`; a smooth three-dimensional track error of
         `scale_m` if left out.
@@ -88,7 +88,7 @@ class Autofocus:
     target_db : float
         Largest error of images by exact backprojection against correlation to plan for, dB.
     illumination : AntennaPattern, optional
-        Of exact backprojection, as for `plan_image`.
+        Illumination of exact backprojection, as for `plan_image`.
     backend : str or Backend
         What computes images and those of trials, as for `plan_image`.
     progress : callable, optional
@@ -103,7 +103,7 @@ class Autofocus:
         Most phases of the residual correction, each shared by neighbouring pulses; 0 leaves it
         out. The answer without them is judged by itself in any case.
     least_coherence : float
-        Of the bright points, with which residual phases are used, 0 to 1.
+        Least coherence of the bright points, with which residual phases are used, 0 to 1.
     n_points : int
         Bright points used.
     margin : float

@@ -35,7 +35,7 @@ def doubts(report: AutofocusReport, n_unknowns: int, least_coherence: float) -> 
     n_unknowns : int
         Parameters or phases that it was chosen by.
     least_coherence : float
-        Of the bright points that is asked for, 0 to 1.
+        Least coherence of the bright points that is asked for, 0 to 1.
     """
     out = [] if report.curve is None else report.curve.doubts(_told(report))
     if n_unknowns > FEW_UNKNOWNS and report.coherence < least_coherence:

@@ -26,7 +26,7 @@ def live_autofocus(grid: MapGrid, *, track_error_m: float = 0.0, time_offset_s: 
     Parameters
     ----------
     grid : MapGrid
-        Of the images.
+        Grid of the images.
     track_error_m : float
         Expected size of a smooth error of the track, metres; 0 where there is none.
     time_offset_s : float

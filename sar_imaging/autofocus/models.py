@@ -167,7 +167,7 @@ def with_track_error(model: GeometryModel, *, degree: int = 5, scale_m: float = 
     model : GeometryModel
         To extend.
     degree : int
-        Of the polynomials, 1 or more; a constant only moves the image and is left out.
+        Degree of the polynomials, 1 or more; a constant only moves the image and is left out.
     scale_m : float
         Expected size of each coefficient, metres.
     axes : sequence of (3,) floats

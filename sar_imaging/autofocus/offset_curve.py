@@ -108,7 +108,7 @@ class OffsetCurve:
         Parameters
         ----------
         coherence : float
-            Of the bright points of its image, which those of a wrong offset seldom have.
+            Coherence of the bright points of its image, which those of a wrong offset seldom have.
         """
         out = []
         if self.best_s in self.offset_s[[0, -1]]:
@@ -218,7 +218,7 @@ class Trials:
         step : callable
             From an offset to `OffsetCurve.step_s`.
         visible_range_rad : float
-            Of the curve.
+            Visible range of the curve.
         """
         coarse = self._gains(self._visible_rad, self._means)
         gains = np.concatenate([coarse, self._gains(visible_rad, means)], axis=1)

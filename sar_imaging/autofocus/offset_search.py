@@ -61,7 +61,7 @@ class OffsetSearch:
     geometry : callable
         From an offset in seconds to the `Geometry` of the block; ValueError where it is not known.
     grid : MapGrid
-        Of the image.
+        Grid of the image.
     reach_s : float
         Largest offset to try to both sides, seconds. Where the geometry is known, some more are
         tried, so that an offset at the end has surroundings like any other.
@@ -294,7 +294,7 @@ def visible_phase(first: Geometry, second: Geometry, points, wavenumber: float) 
     first, second : Geometry
         Of the same pulses, nearly alike.
     points : (K, 3) array_like
-        Of the scene, metres.
+        Points of the scene, metres.
     wavenumber : float
         ``4 pi / lambda``, rad/m.
     """

@@ -74,10 +74,10 @@ class PhaseGradient:
     Parameters
     ----------
     polar : PolarGrid
-        Of the images; its origin in the middle of the aperture, its directions sampled at least
-        1.1 times finer than the aperture resolves.
+        Polar grid of the images; its origin in the middle of the aperture, its directions sampled
+        at least 1.1 times finer than the aperture resolves.
     radar : RadarParameters or UnifiedPolarGrids
-        Of the profiles that the images were made of, or of their fusion.
+        Radar parameters of the profiles that the images were made of, or of their fusion.
     aperture_m : (float, float)
         First and last position of the phase centres along the grid's track, metres from its
         origin.

@@ -43,9 +43,9 @@ class AutofocusReport:
         Estimated error of that image against one with the true geometry, but for what no image
         shows (a displacement), dB; NaN when nothing could be estimated.
     coherence : float
-        Of the contributions to the best points, see `residual.Residual`.
+        Coherence of the contributions to the best points, see `residual.Residual`.
     disagreement_rad : float
-        Of two halves of the scene on the parameters, see `evidence.disagreement_rad`.
+        Disagreement of two halves of the scene on the parameters, see `evidence.disagreement_rad`.
     parameters : dict of str to float
         Estimated parameters of the geometry model.
     uncertainty : dict of str to float

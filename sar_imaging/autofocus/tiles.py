@@ -29,11 +29,11 @@ def cut_profiles(samples, weights, first, position, cycles, owner, step, out):
     samples : (R, N) complex64
         Profiles.
     weights : (4, 8) float32
-        Of an `Interpolator`.
+        Weights of an `Interpolator`.
     first : int
         Offset of its first neighbour.
     position : (K, R) float64
-        Of the first sample of the piece in the profile, samples.
+        Position of the first sample of the piece in the profile, samples.
     cycles : (K, R) float64
         Phase that a row is turned by, cycles.
     owner : (R,) int64

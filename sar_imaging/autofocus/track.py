@@ -75,7 +75,7 @@ class PhaseCentreTrack:
         Parameters
         ----------
         poses : PoseTrack or PoseTable
-            Of the platform, on its clock.
+            Poses of the platform, on its clock.
         alignment : Alignment
             Nominal lever arms and offset of the clocks.
         n_channels : int

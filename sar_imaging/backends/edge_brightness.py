@@ -21,7 +21,7 @@ class EdgeBrightness:
     Parameters
     ----------
     grid : UnifiedPolarGrids
-        Of the images.
+        Grid of the images.
     coverage : PixelDensity
         What of the image is wanted.
     """

@@ -245,7 +245,7 @@ class Backend(Protocol):
         Parameters
         ----------
         grid : UnifiedPolarGrids
-            Of the sub-aperture images and of the fused one.
+            Grid of the sub-aperture images and of the fused one.
         keep : bool
             Keep each contribution, so that `SpectrumFusion.remove` and replacing are possible.
         """

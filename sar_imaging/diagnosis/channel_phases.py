@@ -47,7 +47,7 @@ def channel_phases(block: PulseBlock, grid: MapGrid, *, window: str = 'none') ->
     grid : MapGrid
         Where the scene is.
     window : str
-        Of the range compression of raw pulses.
+        Window of the range compression of raw pulses.
 
     Returns
     -------
@@ -159,7 +159,7 @@ def array_phases(images: np.ndarray, places_m: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     images : (C, K) complex128
-        Of each channel alone, at the same pixels.
+        Images of each channel alone, at the same pixels.
     places_m : (C,) float64
         Along the array, metres.
 

@@ -95,7 +95,7 @@ def profiles_of(block: PulseBlock, window: str) -> PulseBlock:
     block : PulseBlock
         Profiles keep the window that they have.
     window : str
-        Of the range compression of raw pulses.
+        Window of the range compression of raw pulses.
 
     Returns
     -------
@@ -116,7 +116,7 @@ class CoherenceProbe:
     Parameters
     ----------
     grid : MapGrid
-        Of the image.
+        Grid of the image.
     budget : int
         Most points times rows of one figure; of larger images the brightest tiles are taken.
     """
@@ -393,7 +393,7 @@ def _sum_groups(points, tx, rx, monostatic, group, profiles, start_m, spacing_m,
     per_metre : float
         Cycles of the carrier per metre of half path, 2 / lambda.
     cosine, sine : (T,) float32
-        Of a cycle in T steps.
+        Cosine and sine of a cycle in T steps.
     total : (K,) complex64
         Receives the sum over all rows.
     power : (K,) float32

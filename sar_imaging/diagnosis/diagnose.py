@@ -104,7 +104,8 @@ class Diagnosis:
     gain : float
         Agreement of the pulses with the mistake undone over that of the data; 1 where nothing was.
     sizes : tuple of float
-        Of the mistake, where it has any: offset in seconds, rate of a clock, factor of a slope.
+        Sizes of the mistake, where it has any: offset in seconds, rate of a clock, factor of a
+        slope.
     n_tried : int
         How many mistakes were tried.
     alternatives : tuple of str
@@ -177,7 +178,7 @@ def diagnose(block: PulseBlock, grid: MapGrid, *, window: str = 'none', thorough
     grid : MapGrid
         Where they are imaged.
     window : str
-        Of the range compression of raw pulses.
+        Window of the range compression of raw pulses.
     thorough : bool
         Also where the image is in focus, offsets of the clock of more than 2 s, clocks that drift
         apart, and a slope of the ramp that is up to a third off. Takes some seconds more.

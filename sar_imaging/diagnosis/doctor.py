@@ -79,10 +79,10 @@ def examine(block: PulseBlock, grid: MapGrid | None = None, *, window: str = 'no
     grid : MapGrid, optional
         Where the scene is; without it, or without positions, the image is not looked at.
     window : str
-        Of the range compression of raw pulses.
+        Window of the range compression of raw pulses.
     attitude : scipy.spatial.transform.Rotation, optional
-        Of the platform at each pulse, from its own frame into that of the phase centres. Without
-        it lever arms are looked for where the track turns, as if the platform followed it.
+        Attitude of the platform at each pulse, from its own frame into that of the phase centres.
+        Without it lever arms are looked for where the track turns, as if the platform followed it.
 
     Returns
     -------

@@ -136,11 +136,11 @@ def find_lever_arm(block: PulseBlock, attitude: Rotation, grid: MapGrid, *,
     block : PulseBlock
         Raw or compressed, with phase centres.
     attitude : Rotation
-        Of the platform at each pulse, from its own frame into that of the phase centres.
+        Attitude of the platform at each pulse, from its own frame into that of the phase centres.
     grid : MapGrid
         Where the scene is.
     window : str
-        Of the range compression of raw pulses.
+        Window of the range compression of raw pulses.
 
     Returns
     -------
@@ -245,13 +245,13 @@ def _likely(profiles: PulseBlock, moves: np.ndarray, grid: MapGrid, blur_rad: np
     Parameters
     ----------
     profiles : PulseBlock
-        Of few pulses of one channel.
+        Profiles of few pulses of one channel.
     moves : (P, 3, D) float64
-        Of their phase centres by a metre of arm in each direction.
+        Moves of their phase centres by a metre of arm in each direction.
     grid : MapGrid
-        Of the image.
+        Grid of the image.
     blur_rad : (D,) float64
-        Of a metre in each direction.
+        Blur of a metre in each direction.
 
     Returns
     -------

@@ -88,8 +88,8 @@ class Finding:
         ``'certain'``, ``'likely'`` where another cause is possible, or that it is one of several
         explanations that are as good.
     sizes : tuple of float
-        Of the fault, where it was measured: offset of a clock in seconds, rate of a clock, factor
-        of a slope, lever arm in metres.
+        Sizes of the fault, where it was measured: offset of a clock in seconds, rate of a clock,
+        factor of a slope, lever arm in metres.
 
     Examples
     --------

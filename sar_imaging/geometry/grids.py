@@ -239,7 +239,7 @@ class PlaneGrid:
         low_m, high_m : float
             Lowest and highest z, metres; row 0 is the highest.
         spacing_m : float
-            Of the pixels along both axes, metres.
+            Spacing of the pixels along both axes, metres.
         """
         x, y = _direction('direction', direction, 2)
         n_u, n_v = (_pixels(*side, spacing_m) for side in (('length_m', length_m),
@@ -262,7 +262,7 @@ class PlaneGrid:
         width_m, height_m : float
             Size, metres; row 0 is the highest.
         spacing_m : float
-            Of the pixels along both axes, metres.
+            Spacing of the pixels along both axes, metres.
         """
         x, y = _direction('normal', normal, 2)
         return cls._around(centre_m, (-y, x, 0.0), (0.0, 0.0, -1.0), ('width_m', width_m),
@@ -284,7 +284,7 @@ class PlaneGrid:
             Size across the track (columns, away from it) and along it (row 0 is where the flight
             ends), metres.
         spacing_m : float
-            Of the pixels along both axes, metres.
+            Spacing of the pixels along both axes, metres.
 
         Raises
         ------
@@ -392,7 +392,7 @@ class VolumeGrid:
         height_m : float
             From the lowest to the highest, metres.
         spacing_m : float, optional
-            Of the maps, metres; that of the pixels unless told.
+            Spacing of the maps, metres; that of the pixels unless told.
         """
         step = ground.spacing_m if spacing_m is None else spacing_m
         return cls(ground.origin_m, tuple(ground.steps_m[1]), tuple(ground.steps_m[0]),

@@ -577,7 +577,7 @@ class Illumination:
     Parameters
     ----------
     pattern : AntennaPattern
-        Of all echoes.
+        Pattern of all echoes.
     centre_m : (R, 3) float64
         Where each is seen from: the middle between its phase centres, metres.
     axes : (R, 3, 3) float64

@@ -70,7 +70,7 @@ class FoundDatum:
     Parameters
     ----------
     datum : Datum
-        Of the frame.
+        Datum of the frame.
     n_fixes : int
         Fixes that it is made of.
     residual_m : float
@@ -311,7 +311,7 @@ class FixPoses:
     Parameters
     ----------
     datum : Datum or None
-        Of the frame; fixes wait for it where it is not known yet, see `datum`.
+        Datum of the frame; fixes wait for it where it is not known yet, see `datum`.
     antenna_m : (3,) array_like
         Place of the navigation's antenna in the body frame, metres.
     with_attitude : bool

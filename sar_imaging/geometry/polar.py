@@ -211,7 +211,7 @@ def edge_positions(grid: MapGrid, origin_m, track, axis: int,
     grid : MapGrid
         Map.
     origin_m : (3,) floats
-        Of the polar coordinates, metres.
+        Origin of the polar coordinates, metres.
     track : (2,) floats
         Horizontal unit vector from which directions are measured.
     axis : int

@@ -86,7 +86,7 @@ class StraightTrack:
     n_pulses : int
         Number of pulses P.
     offsets_m : (C,) float64
-        Of each channel along the line, mean zero, metres.
+        Offsets of each channel along the line, mean zero, metres.
     """
 
     origin_m: np.ndarray

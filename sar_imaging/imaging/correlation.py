@@ -67,7 +67,7 @@ def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *,
     propagation_speed_m_per_s : float
         Speed of the waves, metres per second: c above.
     illumination : Illumination, optional
-        Of the P C echoes, channel by channel of each pulse.
+        Illumination of the P C echoes, channel by channel of each pulse.
     backend : str or Backend
         What computes it, see `sar_imaging.backends`.
     progress : bool

@@ -106,7 +106,7 @@ class Image(HeldSamples):
     grid : Grid
         Where the pixels are, imaging frame.
     carrier_hz : float
-        Of the phases, hertz.
+        Carrier frequency of the phases, hertz.
     report : Report
         How it was formed, with the error predicted for it.
     stamp_ns : int

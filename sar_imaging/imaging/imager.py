@@ -106,7 +106,7 @@ def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
         Where the pixels are: any grid of `sar_imaging.geometry`, or positions in the imaging
         frame, metres, float64.
     radar : RadarParameters
-        Of the blocks to come.
+        Radar parameters of the blocks to come.
     n_samples : int
         Their samples.
     tx_m, rx_m : (P, C, 3) array_like, optional
@@ -200,7 +200,7 @@ class Imager:
     method : str
         Name of the method, or ``'auto'``.
     report : Report or None
-        Of the latest plan or image; None before the first.
+        Report of the latest plan or image; None before the first.
 
     Examples
     --------

@@ -75,9 +75,9 @@ class Method:
     own : dict
         Options of this method alone, those that were not given as in `OWN`.
     report : Report
-        Of the plan.
+        Report of the plan.
     illumination : Illumination or None
-        Of the echoes that are planned for; None where all light all pixels alike.
+        Illumination of the echoes that are planned for; None where all light all pixels alike.
 
     Examples
     --------

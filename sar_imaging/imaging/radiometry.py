@@ -15,7 +15,7 @@ class Radiometry:
     quantity : str
         Such as ``'sigma0'``; see `sar_imaging.radiometry.QUANTITIES`.
     gain_m : float
-        Of the radar constant, metres times the unit of the range profiles.
+        Gain of the radar constant, metres times the unit of the range profiles.
     noise_equivalent_db : float
         Median over the pixels of the brightness that noise alone has, dB; NaN if not known.
     incidence_deg : float

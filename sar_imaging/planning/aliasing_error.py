@@ -130,7 +130,7 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, p
     place : (S,) array_like, optional
         Where they occur, 0 to 1 from guard to guard; everywhere if left out.
     density : (B,) array_like
-        Of the cells that should be right, from guard to guard and of mean one.
+        Density of the cells that should be right, from guard to guard and of mean one.
     """
     frequency = np.atleast_1d(np.asarray(frequency, float))
     if frequency.size == 0 or np.abs(frequency).max() > n / 2:

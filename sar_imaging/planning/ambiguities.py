@@ -36,9 +36,9 @@ def azimuth_warnings(points_m, tx_m, rx_m, radar: RadarParameters,
     tx_m, rx_m : (..., 3) float64
         Phase centres of the echoes, metres.
     radar : RadarParameters
-        Of the echoes.
+        Radar parameters of the echoes.
     illumination : Illumination, optional
-        Of all echoes; what an echo does not light has no ghost by it.
+        Illumination of all echoes; what an echo does not light has no ghost by it.
     """
     tx_m, rx_m = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
     centre_m = 0.5 * (tx_m + rx_m)

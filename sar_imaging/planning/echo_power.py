@@ -81,7 +81,7 @@ def spread_frequencies(frequency, spread: float) -> np.ndarray:
     Parameters
     ----------
     frequency : (K, ...) float64
-        Of echoes of even amplitude.
+        Frequency of echoes of even amplitude.
     spread : float
         Rms frequency of the amplitude, likewise.
 

@@ -34,7 +34,7 @@ class LitPairs:
     Attributes
     ----------
     illumination : Illumination
-        Of all echoes.
+        Illumination of all echoes.
     echoes : (n,) int64
         Echoes; none where no pair was found.
     index : tuple of (n,) int64
@@ -42,11 +42,11 @@ class LitPairs:
     points_m : (n, 3) float64
         Their positions, metres.
     amplitude : (n,) float64
-        Of the echoes there, 0 beside lit ones.
+        Amplitude of the echoes there, 0 beside lit ones.
     place : (n,) float64
         Evenly from 0 to 1, for whatever else an error depends on.
     share : float
-        Of all pairs, those that are lit.
+        Share of all pairs, those that are lit.
     """
 
     illumination: Illumination
@@ -66,7 +66,7 @@ class LitPairs:
         Parameters
         ----------
         illumination : Illumination
-            Of the echoes.
+            Illumination of the echoes.
         positions : callable
             Positions (..., 3), metres, from broadcast numbers along each axis: beside the image,
             too, and not whole.

@@ -130,7 +130,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         deapodised for the interpolation between lines, which may be fewer. The images that are
         added to it have no more ranges than the band of a line needs.
     illumination : Illumination, optional
-        Of the echoes; what they do not light is left aside.
+        Illumination of the echoes; what they do not light is left aside.
     """
     found = None if min(grid.shape) < TAPS else _frame(grid, 0.5 * (tx_m + rx_m))
     if found is None:

@@ -46,8 +46,8 @@ class PhaseHistory:
     Attributes
     ----------
     radar : RadarParameters
-        Of the profiles: the carrier is the middle one of the frequencies (the upper one of the
-        two where their number is even), so that it has a bin of its own.
+        Radar parameters of the profiles: the carrier is the middle one of the frequencies (the
+        upper one of the two where their number is even), so that it has a bin of its own.
     n_samples, zero : int
         Number of frequencies, and which of them is the carrier.
     range_start_m, phase_range_m : float
@@ -165,7 +165,7 @@ class RangeGate:
     Attributes
     ----------
     radar : RadarParameters
-        Of the profiles.
+        Radar parameters of the profiles.
     first, n_samples : int
         First sample, negative where so many zeros come before it, and number of samples with
         these.

@@ -33,7 +33,7 @@ def fmcw_parameters(*, start_frequency_hz: float, slope_hz_per_s: float, sample_
     slope_hz_per_s : float
         Slope K of the ramp, hertz per second; negative for a falling one.
     sample_rate_hz : float
-        Of the converter, hertz.
+        Sample rate of the converter, hertz.
     n_samples : int
         Samples N of one ramp.
     adc_start_s : float

@@ -106,7 +106,7 @@ def with_positions(block: PulseBlock, poses: Poses, alignment: Alignment,
     alignment : Alignment
         Lever arms and range bias.
     mount : Mount, optional
-        Of the antenna: the block then has its pointing.
+        Mount of the antenna: the block then has its pointing.
 
     Returns
     -------
@@ -137,11 +137,11 @@ def locate(block: PulseBlock, track: PoseTrack | PoseTable, alignment: Alignment
     block : PulseBlock
         Pulses, with or without positions.
     track : PoseTrack or PoseTable
-        Of the platform, such as `recordings.load` gives it.
+        Track of the platform, such as `recordings.load` gives it.
     alignment : Alignment
         Between the two.
     mount : Mount, optional
-        Of the antenna: the block then has its pointing.
+        Mount of the antenna: the block then has its pointing.
 
     Returns
     -------
@@ -237,7 +237,7 @@ class Positioner(EventSource):
         When each channel is sent after the stamp of its pulse, seconds: of radars whose
         transmitters take turns. One stands for all channels.
     mount : Mount, optional
-        Of an antenna whose pointing follows from the attitude.
+        Mount of an antenna whose pointing follows from the attitude.
 
     Attributes
     ----------

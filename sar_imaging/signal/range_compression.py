@@ -94,8 +94,8 @@ class PhaseHistoryPlan:
     gain : (N,) complex64
         Factor of each frequency.
     output_radar : RadarParameters
-        Of the profiles. The bandwidth of FMCW grows by twice the largest beat frequency, by
-        which bands of echoes are displaced.
+        Radar parameters of the profiles. The bandwidth of FMCW grows by twice the largest beat
+        frequency, by which bands of echoes are displaced.
     n_output : int
         Samples of each profile.
     snr_loss_db : float
@@ -250,7 +250,7 @@ class BandFilter:
     gain : (K,) complex64
         Factor of each frequency.
     output_radar : RadarParameters
-        Of the profiles.
+        Radar parameters of the profiles.
     n_output : int
         Samples of each profile.
     snr_loss_db : float
@@ -408,7 +408,7 @@ class RangeCompressor:
     Parameters
     ----------
     radar : RadarParameters
-        Of the blocks to come.
+        Radar parameters of the blocks to come.
     n_samples : int
         Fast-time samples N of the blocks to come.
     window : str
@@ -584,7 +584,7 @@ class RangeCompressor:
         Parameters
         ----------
         samples : (P, C, n_samples) complex64
-            Of the planned radar.
+            Samples of the planned radar.
 
         Returns
         -------

@@ -96,7 +96,7 @@ def band_frequencies(radar: RadarParameters, n_samples: int, compressed: bool) -
     Parameters
     ----------
     radar : RadarParameters
-        Of the pulses.
+        Radar parameters of the pulses.
     n_samples : int
         Samples of each.
     compressed : bool

@@ -54,7 +54,7 @@ class TdmSchedule:
         Parameters
         ----------
         n_transmitters, n_receivers : int
-            Of the radar.
+            Number of transmitters and number of receivers of the radar.
         interval_s : float
             From one transmitter's turn to the next one's, seconds.
         first_s : float
@@ -79,7 +79,7 @@ def locate_channels(block: PulseBlock, track: PoseTrack | PoseTable, alignment: 
     block : PulseBlock
         Pulses of P cycles, with or without positions.
     track : PoseTrack or PoseTable
-        Of the platform, from before the first to after the last turn.
+        Track of the platform, from before the first to after the last turn.
     alignment : Alignment
         Lever arms, time offset and range bias.
     schedule : TdmSchedule
@@ -114,7 +114,7 @@ def move_channels(block: PulseBlock, velocity_m_per_s, schedule: TdmSchedule) ->
     block : PulseBlock
         With phase centres at its stamps.
     velocity_m_per_s : (3,) or (P, 3) array_like
-        Of the platform at each pulse, imaging frame, metres per second.
+        Velocity of the platform at each pulse, imaging frame, metres per second.
     schedule : TdmSchedule
         Turns of the channels.
 

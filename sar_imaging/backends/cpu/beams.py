@@ -350,7 +350,7 @@ class LitLines:
     Parameters
     ----------
     polar : PolarGrid
-        Of sub-aperture images.
+        Polar grid of sub-aperture images.
     apart : int
         Pixels between knots.
     """
@@ -373,7 +373,7 @@ class LitLines:
         nodes : AmplitudeNodes
             Through whose amplitudes the parabolas go.
         geometry : BeamGeometry
-            Of the sub-aperture.
+            Geometry of the sub-aperture.
         rad_per_m : float
             Carrier phase per metre of half path, times the spacing of the beams.
         """
@@ -746,7 +746,7 @@ class BeamPlaces(NamedTuple):
     cycles_per_m, zero_cycles : float
         Carrier phase per metre of half path, and that of no half path, cycles.
     curvature : (2,) float64
-        Of the beams, 1/m, and what its differences count between neighbouring beams, m.
+        Curvature of the beams, 1/m, and what its differences count between neighbouring beams, m.
     """
 
     centre: np.ndarray

@@ -268,7 +268,7 @@ class LitTiles:
     echoes : LitEchoes
         All echoes that are added.
     positions : (3, G, 2 S + 1, K) float64
-        Of the knots, see `planning.exact.illumination.knot_positions`.
+        Positions of the knots, see `planning.exact.illumination.knot_positions`.
     knot, between : (G, LINES) int64, float32
         Knot before each line of a group, and the share of the next.
     """

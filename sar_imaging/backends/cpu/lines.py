@@ -78,7 +78,7 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
     image : (K,) float32
         Real and imaginary parts of the image to add to.
     lit : sequence of LitTiles, optional
-        Of each layer: with what amplitude the echoes light the pixels.
+        Illumination of each layer: with what amplitude the echoes light the pixels.
     """
     lattice = profiles.lattice
     segment = lattice.segment
@@ -432,7 +432,7 @@ class PolarLines:
             Real and imaginary part of the image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0
             the first range; changed in place, contiguous. Lines may end in padding.
         illumination : Illumination, optional
-            Of the echoes, where lines are lit.
+            Illumination of the echoes, where lines are lit.
         """
         polar = self._polar
         layout = np.array([polar.n_alpha, 0, image.shape[-1], 1, image[0].size])

@@ -102,7 +102,7 @@ def project_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m
     memory : WorkSpace, optional
         For the profiles.
     illumination : Illumination, optional
-        Of the echoes.
+        Illumination of the echoes.
     """
     profiles = Profiles(plan.window, plan.lattice, plan.range_m, memory)
     work, tiles = PointWork.for_threads(), [PointTiles.of(points, plan) for points in layers]
@@ -204,11 +204,11 @@ class PointLight(NamedTuple):
     centre, axes, table, place :
         Of `PointEchoes`.
     ends : (6,) float64
-        Of `LitEchoes`.
+        Ends of `LitEchoes`.
     each : int
         1 where amplitudes are found at each point of all tiles.
     degree : (2,) int64
-        Of the interpolation between knots along rows and columns.
+        Degree of the interpolation between knots along rows and columns.
     line, unknown :
         Of `TileKnots`.
     knots : (K * R,) float32

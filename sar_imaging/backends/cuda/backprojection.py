@@ -45,7 +45,7 @@ class AzimuthUpsampling:
     parts : AzimuthParts
         How the echoes are cut, and the grids.
     lines : slice, optional
-        Of the sum, where only some are wanted.
+        Lines of the sum, where only some are wanted.
 
     Attributes
     ----------
@@ -189,7 +189,7 @@ class Backprojection:
     Attributes
     ----------
     tiles : list of Tile
-        Of an image of the host.
+        Tiles of an image of the host.
 
     Raises
     ------

@@ -121,11 +121,11 @@ def form_beams(spectra, weights, rows, path, cycles_per_m, table, per_step, gain
     Parameters
     ----------
     spectra, weights : pairs, (R,) float32
-        Of the echoes, (R, N) complex64, and their factors.
+        Spectra and weights of the echoes, (R, N) complex64, and their factors.
     rows, path :
         As of `beam_paths`.
     cycles_per_m : (2,) float64
-        Of half path: at the carrier, and from bin to bin.
+        Cycles of half path: at the carrier, and from bin to bin.
     table, per_step : (T,) float32, float
         Gain by the magnitude of the frequency from beam to beam, and steps of it in a cycle.
     gain, zero : (N,) complex64, int
@@ -292,10 +292,10 @@ def interpolate_beams(beams, n_cells, most, rows, own, grid, between, along, fir
     rows, own :
         Of the sub-apertures.
     grid : (14,) float64
-        Of the images: first range and spacing, metres; first direction cosine and spacing; square
-        of the height of its origin over the plane; track (x, y); side; origin (x, y), metres. Then
-        half path of the first cell and spacing, metres; cycles of the carrier per metre; half path
-        at which the carrier phase of the image's first range is zero, metres.
+        Grid of the images: first range and spacing, metres; first direction cosine and spacing;
+        square of the height of its origin over the plane; track (x, y); side; origin (x, y),
+        metres. Then half path of the first cell and spacing, metres; cycles of the carrier per
+        metre; half path at which the carrier phase of the image's first range is zero, metres.
     between, along, first_between, first_along :
         Weights of the interpolators between beams and along cells, by powers of the place between
         samples, and their first neighbours.
@@ -336,7 +336,7 @@ def fit_parabolas(axes, table, place, positions, rows, own, grid, phase, parabol
     axes, table, place :
         As of `illumination.Antennas`, of three echoes of each sub-aperture.
     positions : (3, K) float64
-        Of the knots, metres.
+        Positions of the knots, metres.
     rows, own, grid :
         As of `interpolate_beams`.
     phase : (G, M, 3) float64
@@ -511,7 +511,7 @@ class Beams:
         tx_m, rx_m : (R, 3) float64
             Phase centres, metres.
         nodes : sequence of AmplitudeNodes or None
-            Of each, where the plan has illumination.
+            Nodes of the amplitudes of each, where the plan has illumination.
 
         Returns
         -------
@@ -596,7 +596,7 @@ class _LitLines:
         Parameters
         ----------
         nodes : sequence of AmplitudeNodes
-            Of each sub-aperture.
+            Nodes of the amplitudes of each sub-aperture.
         geometries : sequence of tuple
             From `Beams._geometry`.
         told : tuple

@@ -93,7 +93,7 @@ def light_knots(axes, table, place, positions, found):
     axes, table, place :
         As of `Antennas`.
     positions : (3, K) float64
-        Of the knots, metres.
+        Positions of the knots, metres.
     found : (K, R) float32
         Amplitudes; NaN where a knot has no position.
     """

@@ -353,7 +353,7 @@ class Lines:
         lie in the image: their number, the first pixel's real part, the steps to the next line,
         to the next pixel, and to the imaginary part.
     n_pixels : int
-        Of a line.
+        Number of pixels of a line.
     ramp : (n_pixels,) complex64
         Factor of each pixel of a line: the carrier phase that all lines share.
     lit : LitLines, optional
@@ -385,7 +385,7 @@ class Lines:
         image : (K,) float32 array of the device
             Real and imaginary parts of the image to add to.
         illumination : Illumination, optional
-            Of the echoes, where lines are lit.
+            Illumination of the echoes, where lines are lit.
         """
         profiles, lattice = self.profiles, self.profiles.lattice
         segment = lattice.segment

@@ -181,7 +181,7 @@ def farrow_coefficients(dense, length, weights, first_cell, first, pad, periodic
     dense, length : pairs, int
         Profiles at all positions of the lattice, from its cell 0 on: echo by echo so many.
     weights : (degree + 1, TAPS) float32
-        Of the neighbours in each coefficient.
+        Weights of the neighbours in each coefficient.
     first_cell, first, pad : int
         Cell of the lattice that is cell 0 of `planes`; offset of the first neighbour; cells at
         both ends of `planes` that are zero.

@@ -90,7 +90,7 @@ class SubapertureImager:
         Parameters
         ----------
         samples : (P, C, N) complex64, or (P, C, N, 2) integer
-            Of their pulses, of the host or the device.
+            Samples of their pulses, of the host or the device.
         tx_m, rx_m : (P, C, 3) float64
             Phase centres, metres.
         pulses : sequence of slice

@@ -32,7 +32,7 @@ class Tile:
     Attributes
     ----------
     shape : (int, int)
-        Of its memory on the device, complex64.
+        Shape of its memory on the device, complex64.
     part_of : callable
         The (n, m) complex64 part of the host's image of the plan's shape, as it lies there.
     layer : int

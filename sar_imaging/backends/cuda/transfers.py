@@ -101,9 +101,9 @@ def in_pieces(samples, pieces: Iterable[slice], copies: Copies | None = None
     Parameters
     ----------
     samples : (R, N) complex64 or (R, N, 2) integer
-        Of the host, or of the device, where they are cut alone.
+        Samples of the host, or of the device, where they are cut alone.
     pieces : iterable of slice
-        Of the echoes.
+        Pieces of the echoes.
     copies : Copies, optional
         What copies them.
 
@@ -158,7 +158,7 @@ def add_to_host(there, image: np.ndarray, copies: Copies | None = None,
     copies : Copies, optional
         What copies it.
     n_bytes : int
-        Of a piece.
+        Bytes of a piece.
     """
     if not (SIMULATED or on_device(there)):
         _by_threads(_add, image, there)

@@ -26,7 +26,7 @@ def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m,
     points_m : (N, 3) float64
         Positions, metres.
     illumination : Illumination, optional
-        Of the P C echoes: w; 1 without.
+        Illumination of the P C echoes: w; 1 without.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def correlate_profiles(radar: RadarParameters, samples, tx_m, rx_m, points_m, ha
     Parameters
     ----------
     radar : RadarParameters
-        Of the profiles.
+        Radar parameters of the profiles.
     samples : (P, C, N) complex
         Profiles; zero beyond their ends.
     tx_m, rx_m : (P, C, 3) float64
@@ -80,7 +80,7 @@ def correlate_profiles(radar: RadarParameters, samples, tx_m, rx_m, points_m, ha
     half, sharpness : int, float
         h and a.
     illumination : Illumination, optional
-        Of the P C echoes: w; 1 without.
+        Illumination of the P C echoes: w; 1 without.
 
     Returns
     -------

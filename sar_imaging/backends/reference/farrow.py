@@ -25,7 +25,7 @@ def neighbours(interpolator: Interpolator, place, n_samples: int) -> tuple[np.nd
     Returns
     -------
     index : (..., taps) int64
-        Of the samples.
+        Indices of the samples.
     weights : (..., taps) float64
     """
     lowest, highest = -interpolator.first, n_samples - interpolator.n_taps - interpolator.first

@@ -19,7 +19,7 @@ def form_beams(spectra, path_m, cycles_per_m, between: BeamGain) -> np.ndarray:
     Parameters
     ----------
     spectra : (R, N) complex128
-        Of the echoes.
+        Spectra of the echoes.
     path_m : (M, R) float64
         L, metres.
     cycles_per_m : (N,) float64

@@ -20,7 +20,7 @@ def fuse_bands(grid: UnifiedPolarGrids, contributions) -> np.ndarray:
     Parameters
     ----------
     grid : UnifiedPolarGrids
-        Of all images.
+        Grid of all images.
     contributions : iterable of ((n_coarse, n_coarse_range) complex128, float)
         Image of each sub-aperture on ``grid.coarse`` at range baseband, and its x_u, metres.
 

@@ -24,7 +24,7 @@ def polar_to_map(image, polar: PolarGrid, grid: MapGrid, *, axis: int, wavelengt
     image : (n_alpha, n_range) complex128
         Times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0 the first range.
     polar, grid : PolarGrid, MapGrid
-        Of the image and of the map, which it reaches beyond.
+        Polar grid and grid of the image and of the map, which it reaches beyond.
     axis : int
         Map axis that follows range: rows run along x (0) or y (1).
     wavelength_m : float

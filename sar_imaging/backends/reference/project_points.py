@@ -53,7 +53,7 @@ def project_points(source: RangeGate | PhaseHistory, samples, n_padded: int, tx_
     points_m : (..., 3) float64
         Positions, metres; with a NaN for none.
     illumination : Illumination, optional
-        Of the echoes: w; 1 without.
+        Illumination of the echoes: w; 1 without.
 
     Returns
     -------
@@ -81,7 +81,7 @@ class TrialImages:
     Parameters
     ----------
     radar : RadarParameters
-        Of the profiles.
+        Radar parameters of the profiles.
     samples : (R, N) complex64
         Profiles.
 

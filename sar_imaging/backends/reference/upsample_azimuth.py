@@ -18,7 +18,7 @@ def upsample_azimuth(images, parts: AzimuthParts) -> np.ndarray:
     Parameters
     ----------
     images : sequence of (n_alpha_coarse, n_range) complex128
-        Of each part, on `parts.coarse`.
+        Images of each part, on `parts.coarse`.
     parts : AzimuthParts
         From the plan.
 

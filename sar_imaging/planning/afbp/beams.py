@@ -43,7 +43,7 @@ class BeamGain:
     interpolator : Interpolator
         Between beams.
     step : float
-        Of the table, cycles per beam.
+        Step of the table, cycles per beam.
     log_gain : (N,) float64
         Natural logarithm of the gain by the magnitude of the frequency, from 0.
     power : (N,) float64
@@ -327,7 +327,7 @@ class BeamSampling:
     spread_m : float
         Largest derivative, by direction, of what an echo's path is longer than the reference's.
     spacing : float
-        Of the beams, in direction cosine.
+        Spacing of the beams, in direction cosine.
     group : int
         Most beams whose phases are taken to grow alike over a vector of bins.
     uneven_m : float

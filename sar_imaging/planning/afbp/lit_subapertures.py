@@ -43,13 +43,13 @@ class LitSubapertures:
     Attributes
     ----------
     illumination : Illumination
-        Of the echoes of the aperture.
+        Illumination of the echoes of the aperture.
     seen : frozenset of int
         Sub-apertures that light a part of the grid; the others add nothing.
     apart : int
         Segments between knots along range, of images from beams.
     lines : LitLines or None
-        Of images to which pulses are added directly.
+        Lines of images to which pulses are added directly.
     power : float
         Mean square of the amplitude over all pulses and pixels.
     predicted_error_db : float
@@ -98,7 +98,7 @@ class AmplitudeNodes(NamedTuple):
     Parameters
     ----------
     illumination : Illumination
-        Of the three, one echo of each.
+        Illumination of the three, one echo of each.
     tx_m, rx_m : (3, 3) float64
         Phase centres of the echoes, metres.
     """
@@ -156,11 +156,11 @@ class LitError:
     Parameters
     ----------
     polar : PolarGrid
-        Of the images.
+        Polar grid of the images.
     radar, tx_m, rx_m, illumination :
         Of the aperture, phase centres (P, C, 3), metres, and the illumination of their P C echoes.
     target_db : float
-        Of the fused image, dB.
+        Target error of the fused image, dB.
     most_pairs : int
         With how many to look for lit ones.
 
@@ -214,11 +214,11 @@ class LitError:
         Parameters
         ----------
         coarse : PolarGrid
-            Of the images.
+            Polar grid of the images.
         lattice, beams :
             As planned without illumination.
         pulses : sequence of slice
-            Of the sub-apertures.
+            Pulses of the sub-apertures.
 
         Raises
         ------

@@ -38,13 +38,13 @@ def reading_db(cover: PolarCover, polar: PolarGrid, tx_m, rx_m,
     Parameters
     ----------
     cover : PolarCover
-        Of the map, with the interpolators.
+        Cover of the map, with the interpolators.
     polar : PolarGrid
-        Of the fused image: that of `cover`, or one with fewer lines.
+        Polar grid of the fused image: that of `cover`, or one with fewer lines.
     tx_m, rx_m : (P, C, 3) float64
         Phase centres that were flown, metres.
     illumination : Illumination, optional
-        Of the P C echoes; pixels that they do not light stay out.
+        Illumination of the P C echoes; pixels that they do not light stay out.
     centred : bool
         The image is read at baseband along direction, as those of sliding apertures are.
     """
@@ -201,7 +201,7 @@ def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m,
     n_window : int
         Pulses of an image, where that is of any part of the track; 0 for the whole of it.
     illumination : Illumination, optional
-        Of the echoes, foreseen as these are.
+        Illumination of the echoes, foreseen as these are.
 
     Raises
     ------

@@ -233,9 +233,10 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     target_db : float
         Wanted error of the map against time-domain correlation, dB.
     shares : mapping
-        Of the target, see `error_budget`: the less ``'polar to map'``, the finer the polar grid.
+        Shares of the target, see `error_budget`: the less ``'polar to map'``, the finer the polar
+        grid.
     illumination : Illumination, optional
-        Of the P C echoes.
+        Illumination of the P C echoes.
 
     Returns
     -------

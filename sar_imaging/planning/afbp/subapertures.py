@@ -97,7 +97,7 @@ class Limits:
     Attributes
     ----------
     slope : (float, float)
-        Of the half paths by range.
+        Slope of the half paths by range.
     slope_m : float
         Largest magnitude of their slope by direction over that by range, metres.
     half_range : float
@@ -253,7 +253,7 @@ class Sampling:
     centre : (U,) float64
         Middle of the slopes of each, metres (minus the position along the track, to first order).
     sizes : FusionSizes
-        Of the grids of a sub-aperture image and of the fused one.
+        Sizes of the grids of a sub-aperture image and of the fused one.
     coverage : PixelDensity
         What of the wanted grid must be right.
     n_even : float
@@ -489,7 +489,7 @@ class SubapertureCost:
     Attributes
     ----------
     grid : PolarGrid
-        Of the images, or nearly.
+        Grid of the images, or nearly.
     span : float
         Extent of the wanted pixels in direction cosine.
     tx_m, rx_m : (P, C, 3) float64
@@ -578,7 +578,7 @@ class SubaperturePlan(Plan):
     Attributes
     ----------
     given : RadarParameters
-        Of the blocks to come.
+        Radar parameters of the blocks to come.
     n_channels : int
         Channels of a pulse.
     sampling : Sampling
@@ -749,11 +749,11 @@ def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, 
     radar, n_samples, tx_m, rx_m, target_db, pulses_per_subaperture :
         As for `plan_afbp`; the error is that of the fused image.
     cover : PolarCover, optional
-        Of the map that the fused image is read for; `polar` is its own, or has fewer lines.
+        Cover of the map that the fused image is read for; `polar` is its own, or has fewer lines.
     band : PhaseHistory, optional
         Takes phase histories as they came, in place of profiles.
     illumination : Illumination, optional
-        Of the P C echoes.
+        Illumination of the P C echoes.
 
     Raises
     ------

@@ -48,7 +48,7 @@ class GridLines:
     grid : EvenGrid
         Map, plane or volume.
     illumination : Illumination, optional
-        Of the echoes; what they do not light is left aside.
+        Illumination of the echoes; what they do not light is left aside.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class GridLines:
         describes it. A map or plane is one layer, and so is a volume whose lines do not run along
         its middle axis.
     layers_together : int
-        Of the grid, in such a layer.
+        Number of layers of the grid, in such a layer.
     paths : Paths
         Half paths to some of the pixels, with derivatives by the pixel number.
     """
@@ -176,7 +176,7 @@ class BackprojectionPlan(Plan):
     route : PolarPlan, LinePlan or PointPlan
         The quickest of the three.
     illumination : Illumination or None
-        Of the echoes; None where they light all pixels alike.
+        Illumination of the echoes; None where they light all pixels alike.
     """
 
     grid: EvenGrid | ImagePoints

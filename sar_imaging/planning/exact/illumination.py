@@ -94,7 +94,7 @@ class Echoes:
     starts : tuple of int
         First echo of each part that is added by itself.
     radar : RadarParameters
-        Of their profiles.
+        Radar parameters of their profiles.
     """
 
     tx_m: np.ndarray
@@ -109,9 +109,9 @@ class SegmentPhasors:
     Parameters
     ----------
     pairs : LitPairs
-        Of the lines and echoes.
+        Pairs of the lines and echoes.
     lines : ImageLines
-        Of the image.
+        Lines of the image.
     echoes : Echoes
         Whose phasors they are.
     lattice : RangeResampling
@@ -189,7 +189,7 @@ class LitLines:
     apart : int
         Lines between knots, one of `APART`.
     share : float
-        Of all pairs of an echo and a pixel, what is lit and computed.
+        Share of all pairs of an echo and a pixel, what is lit and computed.
     predicted_error_db : float
         Error of the image because amplitudes are interpolated, dB.
     """
@@ -227,7 +227,8 @@ def knot_positions(locate: Callable, n_lines: int, n_pixels: int, segment: int, 
     Returns
     -------
     positions : (3, G, 2 S + 1, K) float64
-        Of G groups of `LINES` lines, at the ends and middles of S segments and at K lines, metres.
+        Positions of G groups of `LINES` lines, at the ends and middles of S segments and at K
+        lines, metres.
     knot, between : (G, LINES) int64, float32
         Knot before each line of a group, and the share of the next.
     """
@@ -270,7 +271,7 @@ def plan_lit_segments(illumination: Illumination, lines: ImageLines, echoes: Ech
     Parameters
     ----------
     illumination : Illumination
-        Of the echoes.
+        Illumination of the echoes.
     lines, echoes :
         Of the image, and what is added to it.
     lattice : RangeResampling
@@ -285,7 +286,7 @@ def plan_lit_segments(illumination: Illumination, lines: ImageLines, echoes: Ech
     lit : LitLines or None
         Likewise.
     pairs : LitPairs
-        Of which the errors were told.
+        Pairs of which the errors were told.
     """
     pairs = LitPairs.draw(illumination, lines.positions, (lines.n_lines, lines.n_pixels),
                           (LINES, max(lattice.segment // 2, 1)), flat=lines.flat)
@@ -360,11 +361,12 @@ class LitPoints:
     Attributes
     ----------
     degree : (int, int)
-        Of the interpolation along the rows and columns of a tile; 0 along an axis of one point.
+        Degree of the interpolation along the rows and columns of a tile; 0 along an axis of one
+        point.
     each : bool
         At each point by itself instead.
     share : float
-        Of all pairs of an echo and a point, what is lit and computed.
+        Share of all pairs of an echo and a point, what is lit and computed.
     dearer : float
         Time of such a pair over that of a pair without illumination.
     predicted_error_db : float
@@ -494,11 +496,11 @@ class LitPolar:
     Parameters
     ----------
     illumination : Illumination
-        Of the echoes.
+        Illumination of the echoes.
     tx_m, rx_m : (R, 3) float64
         Phase centres of the echoes, metres.
     radar : RadarParameters
-        Of their profiles.
+        Radar parameters of their profiles.
     """
 
     def __init__(self, illumination: Illumination, tx_m, rx_m, radar: RadarParameters):
@@ -562,11 +564,11 @@ class _PolarReading:
     Parameters
     ----------
     cover : PolarCover
-        Of the map.
+        Cover of the map.
     tx_m, rx_m : (R, 3) float64
         Phase centres of the echoes, metres.
     illumination : Illumination
-        Of the echoes.
+        Illumination of the echoes.
     """
 
     def __init__(self, cover: PolarCover, tx_m, rx_m, illumination: Illumination):

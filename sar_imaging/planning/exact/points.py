@@ -48,7 +48,7 @@ class ImagePoints:
     strides : sequence of three (int, int)
         Steps of the index in each of the coordinates from row to row and from column to column.
     shape : tuple of int
-        Of the image.
+        Shape of the image.
 
     Attributes
     ----------
@@ -239,7 +239,7 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
     some_m : (S, 3) float64, optional
         Positions all over the image, metres; those of `points` unless told.
     illumination : Illumination, optional
-        Of the echoes.
+        Illumination of the echoes.
     positions, shape : callable, (int, int)
         Positions of pixels by row and column, and how many there are; of `points` unless told.
     """

@@ -55,7 +55,7 @@ class AzimuthParts:
     interpolator : Interpolator
         From coarse to fine lines.
     error_db : float
-        Of the interpolation, dB.
+        Error of the interpolation, dB.
     cost : float
         Nanoseconds per pixel of the sum.
     """
