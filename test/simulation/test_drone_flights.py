@@ -11,7 +11,7 @@ from sar_imaging.signal.range_compression import RangeCompressor
 
 
 # Few of the scatterers of flight 4 lie in so small an image where its motion is along legs.
-@pytest.mark.parametrize(('motion', 'seed'), zip(MOTIONS, (4, 4, 5), strict=True))
+@pytest.mark.parametrize(('motion', 'seed'), list(zip(MOTIONS, (4, 4, 5), strict=True)))
 @pytest.mark.parametrize('radar_kind', RADARS)
 def test_a_flight_focuses_with_its_true_alignment_alone(motion, seed, radar_kind):
     flight = drone_flight(seed, motion=motion, radar_kind=radar_kind, n_pixels=60, n_pulses=128)

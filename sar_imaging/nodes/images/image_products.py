@@ -51,9 +51,9 @@ class ImageProducts:
     def __init__(self, node: Stage, parameters: Mapping[str, object], prefix: str = ''):
         self._parameters = parameters
         self._grid: MapGrid | None = None  # that map_metadata tells
-        self._complex, self._amplitude, self._quicklook = (
-            node.create_output(Image, f'{prefix}{name}', PRODUCT_QOS)
-            for name in ('image_complex', 'image', 'image_quicklook'))
+        self._complex = node.create_output(Image, f'{prefix}image_complex', PRODUCT_QOS)
+        self._amplitude = node.create_output(Image, f'{prefix}image', PRODUCT_QOS)
+        self._quicklook = node.create_output(Image, f'{prefix}image_quicklook', PRODUCT_QOS)
         self._map_metadata = node.create_output(MapMetaData, f'{prefix}map_metadata', LATCHED)
 
     @property
