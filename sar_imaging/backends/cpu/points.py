@@ -207,8 +207,6 @@ class PointLight(NamedTuple):
         Ends of `LitEchoes`.
     each : int
         1 where amplitudes are found at each point of all tiles.
-    degree : (2,) int64
-        Degree of the interpolation between knots along rows and columns.
     line, unknown :
         Of `TileKnots`.
     knots : (K * R,) float32
@@ -223,7 +221,6 @@ class PointLight(NamedTuple):
     place: np.ndarray
     ends: np.ndarray
     each: int
-    degree: np.ndarray
     line: int
     unknown: np.ndarray
     knots: np.ndarray
@@ -235,8 +232,8 @@ class PointLight(NamedTuple):
         """Of the points of a plan, by some echoes."""
         echoes = PointEchoes.of(illumination)
         return cls(*echoes, LitEchoes.of(illumination).ends, int(plan.lit.each),
-                   np.array(plan.lit.degree), tiles.line, tiles.unknown, tiles.amplitudes(echoes),
-                   *(v.astype(np.float32) for v in np.divmod(np.arange(TILE), plan.tile[1])))
+                   tiles.line, tiles.unknown, tiles.amplitudes(echoes), *(
+                       v.astype(np.float32) for v in np.divmod(np.arange(TILE), plan.tile[1])))
 
 
 @njit(parallel=True)
@@ -258,8 +255,9 @@ def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, light):
     xs, ys, zs, strides, n_y, n_x, height, width, reach = tiles
     places, offsets, index, part, cycles, amplitude, real, imag, columns = work
     if light is not None:
-        (centre, axes, table, place, ends, each, degree, line, unknown, knots, down,
-         across) = light
+        centre, axes, table, place, ends, each, line, unknown, knots, down, across = light
+        # knots to the last one of a tile; an axis of one point has one alone
+        to_below, to_right = 2 * min(height - 1, 1) * line, 2 * min(width - 1, 1)
     tiles_x = (n_x + width - 1) // width
     n_tiles = tiles_x * ((n_y + height - 1) // height)
     inverse_step = 1.0 / step
@@ -301,12 +299,13 @@ def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, light):
         if light is not None:
             # rows and columns from the first knot of the tile to the last
             rows, wide = min(height, n_y - 1 - top), min(width, n_x - 1 - left)
-            corner = np.int64((number // tiles_x * degree[0]) * line
-                              + number % tiles_x * degree[1])
-            alone = each | _unknown_knot(unknown, corner, degree, line)
-            # Differences between knots by the pixel; none of second order for lines.
+            corner = np.int64(number // tiles_x * to_below + number % tiles_x * to_right)
+            alone = each
+            if each == 0:
+                alone = _unknown_knot(unknown, corner, to_below, to_right, line)
+            # Differences between knots by the pixel; none of second order for two points.
             iy, ix = np.float32(1.0 / max(rows, 1)), np.float32(1.0 / max(wide, 1))
-            y_bent, x_bent = degree[0] // 2 * (rows // 2), degree[1] // 2 * (wide // 2)
+            y_bent, x_bent = rows // 2, wide // 2
             above = np.float32(min(y_bent, 1) * iy / max(y_bent, 1))
             below = np.float32(min(y_bent, 1) * iy / max(rows - y_bent, 1))
             before = np.float32(min(x_bent, 1) * ix / max(x_bent, 1))
@@ -321,23 +320,11 @@ def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, light):
                         amplitude[to + k] = amplitude_of(
                             centre, axes, table, place, np.uint64(echo), places[px + k],
                             places[py + k], places[pz + k])
-                elif degree[0] < 2 and degree[1] < 2:
-                    at, to_last = corner * n_echoes + echo, degree[0] * line * n_echoes
-                    a0, a1 = knots[at], knots[at + to_last]
-                    at += degree[1] * n_echoes
-                    b0, b1 = knots[at], knots[at + to_last]
-                    if a0 + a1 + b0 + b1 == 0.0:
-                        continue
-                    b0, b1 = (b0 - a0) * ix, (b1 - a1) * ix
-                    a1, b1 = (a1 - a0) * iy, (b1 - b0) * iy
-                    for k in range(count):
-                        w, s = across[k], down[k]
-                        amplitude[to + k] = a0 + w * b0 + s * (a1 + w * b1)
                 else:
                     # parabolas along rows of knots, whose coefficients are such along columns
-                    at, to_mid = corner * n_echoes + echo, degree[0] // 2 * line * n_echoes
-                    to_last = degree[0] * line * n_echoes
-                    mid, end = degree[1] // 2 * n_echoes, degree[1] * n_echoes
+                    at, to_mid = corner * n_echoes + echo, to_below // 2 * n_echoes
+                    to_last = to_below * n_echoes
+                    mid, end = to_right // 2 * n_echoes, to_right * n_echoes
                     a0, a1, a2 = knots[at], knots[at + to_mid], knots[at + to_last]
                     b0, b1, b2 = (knots[at + end], knots[at + to_mid + end],
                                   knots[at + to_last + end])
@@ -427,18 +414,18 @@ def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, light):
 
 
 @njit(inline='always')
-def _unknown_knot(unknown, corner, degree, line):
+def _unknown_knot(unknown, corner, to_below, to_right, line):
     """1 where a knot of a tile has no position."""
     found = 0
-    for i in range(degree[0] + 1):
-        for j in range(degree[1] + 1):
-            found |= unknown[corner + i * line + j]
+    for row in range(corner, corner + to_below + 1, line):
+        for knot in range(row, row + to_right + 1):
+            found |= unknown[knot]
     return found
 
 
 @njit(inline='always')
 def _bend(low, between, high, before, after):
-    """Second difference of three knots; `before` and `after` are 0 for a line."""
+    """Second difference of three knots; `before` and `after` are 0 for two points or one."""
     return (high - between) * after - (between - low) * before
 
 

@@ -152,7 +152,11 @@ def store_pair(values, at, real, imag):
 
 
 def launch(work, blocks, threads, *arguments) -> None:
-    """Run a kernel on the present stream; no block, no work."""
+    """Run a kernel on the present stream; no block, no work.
+
+    Tuples among the arguments hold numbers alone: of arrays of CuPy in a tuple Numba does not know
+    the type, though it takes tuples and named ones.
+    """
     if not np.all(np.atleast_1d(blocks)):
         return
     if SIMULATED:

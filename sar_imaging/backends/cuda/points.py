@@ -66,26 +66,26 @@ def _dark_sphere(axes, ends, echo, x, y, z, radius):
 
 @function
 def _bend(low, between, high, before, after):
-    """Second difference of three knots; `before` and `after` are 0 for a line."""
+    """Second difference of three knots; `before` and `after` are 0 for two points or one."""
     return (high - between) * after - (between - low) * before
 
 
 @function
-def _steps(degree, n):
+def _steps(n):
     """For knots n points apart: 1 / n, and those of `_bend`."""
     whole = np.float32(1.0) / np.float32(max(n, 1))
-    bent = degree // 2 * (n // 2)
+    bent = n // 2
     if not bent:
         return whole, np.float32(0.0), np.float32(0.0)
     return whole, whole / np.float32(bent), whole / np.float32(n - bent)
 
 
 @function
-def _row_of_knots(knots, at, degree, echo, n, line, item):
+def _row_of_knots(knots, at, to_last, echo, n, line, item):
     """Parabola along a row of knots of a tile: its coefficients go to the item's `line`."""
-    low, middle, high = (knots[at, echo], knots[at + degree // 2, echo],
-                         knots[at + degree, echo])
-    whole, before, after = _steps(degree, n)
+    low, middle, high = (knots[at, echo], knots[at + to_last // 2, echo],
+                         knots[at + to_last, echo])
+    whole, before, after = _steps(n)
     bend = _bend(low, middle, high, before, after)
     line[0, item], line[1, item] = low, (high - low) * whole - bend * np.float32(n)
     line[2, item] = bend
@@ -99,15 +99,16 @@ def _set_weights(knots, how, number, across, tile, echo, weights, item):
     Parabolas along rows of knots have coefficients that are parabolas along columns.
     """
     down, beside = number // across, number % across
-    rows = min(tile[0], how[4] - 1 - down * tile[0])
-    columns = min(tile[1], how[5] - 1 - beside * tile[1])
-    corner = down * how[0] * how[2] + beside * how[1]
-    total = _row_of_knots(knots, corner, how[1], echo, columns, weights[:3], item)
-    total += _row_of_knots(knots, corner + how[0] // 2 * how[2], how[1], echo, columns,
+    rows = min(tile[0], how[2] - 1 - down * tile[0])
+    columns = min(tile[1], how[3] - 1 - beside * tile[1])
+    # to the last knot of a tile; an axis of one point has one alone
+    to_below, to_right = 2 * min(tile[0] - 1, 1) * how[0], 2 * min(tile[1] - 1, 1)
+    corner = down * to_below + beside * to_right
+    total = _row_of_knots(knots, corner, to_right, echo, columns, weights[:3], item)
+    total += _row_of_knots(knots, corner + to_below // 2, to_right, echo, columns,
                            weights[3:6], item)
-    total += _row_of_knots(knots, corner + how[0] * how[2], how[1], echo, columns,
-                           weights[6:9], item)
-    whole, before, after = _steps(how[0], rows)
+    total += _row_of_knots(knots, corner + to_below, to_right, echo, columns, weights[6:9], item)
+    whole, before, after = _steps(rows)
     for power in range(3):
         low, middle, high = (weights[power, item], weights[3 + power, item],
                              weights[6 + power, item])
@@ -125,7 +126,7 @@ def light_tile(light, number, across, tile, place, echo, weights, item):
     between knots, or the antenna's right, boresight and up for points of their own.
     """
     knots, how, axes, _, _, ends = light
-    if not how[3]:
+    if not how[1]:
         total = _set_weights(knots, how, number, across, tile, echo, weights, item)
         if not math.isnan(total):
             return BETWEEN if total > np.float32(0.0) else DARK
@@ -277,9 +278,9 @@ def add_lit_points(planes, profile, centres, xs, ys, zs, strides, layout, tiles,
     knots : (K, R) float32
         Amplitudes at the knots of all tiles, NaN where one has no position: amplitudes are then
         found at each point.
-    how : (6,) int64
-        Degree of the interpolation along rows and columns; knots of a row; 1 where amplitudes are
-        found at each point of all tiles; rows and columns to the last point of the image.
+    how : (4,) int64
+        Knots of a row; 1 where amplitudes are found at each point of all tiles; rows and columns
+        to the last point of the image.
     axes, ends : (R, 12), (6,) float64
         As of `illumination.Antennas`.
     table, scale : (T,), (6,) float32
@@ -503,15 +504,16 @@ class _Knots:
     """
 
     def __init__(self, points: ImagePoints, rows: slice, plan: PointPlan):
-        (n_y, n_x), (height, _), (degree, _) = points.size, plan.tile, plan.lit.degree
+        (n_y, n_x), (height, _) = points.size, plan.tile
         down, across = plan.lit.knots(points.size, plan.tile)
-        down = down[rows.start // height * degree:-(-rows.stop // height) * degree + 1]
         if plan.lit.each:
             down = down[:0]  # none is read
+        elif height > 1:
+            down = down[2 * (rows.start // height):2 * -(-rows.stop // height) + 1]
         positions = points.positions(down[:, None], across).reshape(-1, 3)
         self._positions = xp.asarray(np.ascontiguousarray(positions.T))
-        self._how = xp.asarray(np.array([*plan.lit.degree, len(across), plan.lit.each,
-                                         n_y - rows.start, n_x], np.int64))
+        self._how = xp.asarray(np.array([len(across), plan.lit.each, n_y - rows.start, n_x],
+                                        np.int64))
         self.echo_bytes = 4 * len(positions)
 
     def lit_by(self, antennas: Antennas, echoes: slice) -> tuple:

@@ -3,7 +3,7 @@
 Computing an echo's amplitude at every pixel would take longer than backprojection. It is computed
 at nodes instead: along an image line at both ends and in the middle of each segment, with
 a parabola through them, and from line to line at every few lines, with a straight line between
-them; over tiles of points on the edges of the tiles, and for parabolas also in their middle.
+them; over tiles of points on the edges of the tiles and in their middle, with parabolas.
 
 Along a segment a phasor is a cubic in the pixel number, less what all echoes of a pass share, and
 the amplitude a parabola; of the product the cubic is kept. What that leaves out is computed here
@@ -347,8 +347,8 @@ def _share_of_tiles(pairs: LitPairs, lines: ImageLines, segment: int) -> float:
 
 
 # Time of a point and echo over that without illumination, by the points of a tile (measured)
-_DEARER = {256: 1.1, 64: 1.3, 16: 2.8}
-_PARABOLAS, _EACH = 0.1, 1.6  # more for parabolas, and for an amplitude at each point
+_DEARER = {256: 1.2, 64: 1.4, 16: 2.9}
+_EACH = 1.5  # more for an amplitude at each point
 _LEAST_TILE = 64  # points, below which those at each point take no longer
 # Rms error of the sines of angles in float32; 0.5e-8 to 2.3e-8 were measured
 _ROUNDING, _STEP = 3e-8, 1e-3  # and step for derivatives, of a cut
@@ -356,13 +356,10 @@ _ROUNDING, _STEP = 3e-8, 1e-3  # and step for derivatives, of a cut
 
 @dataclasses.dataclass(frozen=True)
 class LitPoints:
-    """How amplitudes are found at points.
+    """How amplitudes are found at points: by parabolas along the rows and columns of tiles.
 
     Attributes
     ----------
-    degree : (int, int)
-        Degree of the interpolation along the rows and columns of a tile; 0 along an axis of one
-        point.
     each : bool
         At each point by itself instead.
     share : float
@@ -373,7 +370,6 @@ class LitPoints:
         Error of the image because amplitudes are interpolated, dB.
     """
 
-    degree: tuple[int, int]
     each: bool
     share: float
     dearer: float
@@ -381,29 +377,30 @@ class LitPoints:
 
     def knots(self, shape: tuple[int, int], tile: tuple[int, int]) -> list[np.ndarray]:
         """Rows and columns of the knots of tiles, (K,) int64 each."""
-        return [knot_numbers(*sizes) for sizes in zip(shape, tile, self.degree, strict=True)]
+        sides = (1, 1) if self.each else tile
+        return [knot_numbers(*sizes) for sizes in zip(shape, sides, strict=True)]
 
     def n_bytes(self, shape: tuple[int, int], tile: tuple[int, int]) -> int:
         """Memory of the knots' positions, in float64, and of a pass's amplitudes, in float32."""
         return math.prod(map(len, self.knots(shape, tile))) * (24 + 4 * ECHOES_PER_PASS)
 
 
-def knot_numbers(size: int, side: int, degree: int) -> np.ndarray:
+def knot_numbers(size: int, side: int) -> np.ndarray:
     """(K,) int64 numbers of the points of an axis that are knots of its tiles.
 
-    A tile's last knot is the first point of the next tile, or the last of all.
+    A tile's last knot is the first point of the next tile, or the last of all. Tiles of one point
+    along the axis share one knot.
     """
-    if degree == 0:
+    if side == 1:
         return np.zeros(1, np.int64)
     first = np.arange(0, size, side)
     last = np.minimum(first + side, size - 1)
-    knots = [first + (last - first) * part // degree for part in range(degree)]
-    return np.append(np.stack(knots, axis=1).ravel(), size - 1)
+    return np.append(np.stack([first, first + (last - first) // 2], axis=1).ravel(), size - 1)
 
 
 def plan_lit_points(illumination: Illumination, positions: Callable, shape: tuple[int, int],
                     tiles, wanted_db: float) -> tuple[tuple[int, int], LitPoints, LitPairs]:
-    """Choose the largest tile over which straight lines or parabolas meet an error.
+    """Choose the largest tile over which parabolas meet an error.
 
     Where none does, amplitudes are found at each point, in the first tile. Returned are also the
     pairs of an echo and a point that tell the error. `positions` gives points (n, 3), metres, from
@@ -414,15 +411,12 @@ def plan_lit_points(illumination: Illumination, positions: Callable, shape: tupl
     rounded_db = _rounded_db(pairs)
     large = [tile for tile in tiles if math.prod(tile) >= _LEAST_TILE]
     for tile in large if len(pairs) else ():
-        for order in (1, 2):
-            degree = tuple(order * (side > 1) for side in tile)
-            error_db, dark = tile_error_db(pairs, positions, shape, tile, degree)
-            if error_db <= wanted_db:
-                return tile, LitPoints(
-                    degree, False, min(1.0, pairs.share * (1 + dark)),
-                    _DEARER[math.prod(tile)] + _PARABOLAS * (order - 1),
-                    total_db(error_db, rounded_db)), pairs
-    return tiles[0], LitPoints((0, 0), True, pairs.share, dearer, rounded_db), pairs
+        error_db, dark = tile_error_db(pairs, positions, shape, tile)
+        if error_db <= wanted_db:
+            return tile, LitPoints(False, min(1.0, pairs.share * (1 + dark)),
+                                   _DEARER[math.prod(tile)],
+                                   total_db(error_db, rounded_db)), pairs
+    return tiles[0], LitPoints(True, pairs.share, dearer, rounded_db), pairs
 
 
 def draw_points(illumination: Illumination, positions: Callable, shape: tuple[int, int],
@@ -436,13 +430,13 @@ def draw_points(illumination: Illumination, positions: Callable, shape: tuple[in
 
 
 def tile_error_db(pairs: LitPairs, positions: Callable, shape: tuple[int, int],
-                  tile: tuple[int, int], degree: tuple[int, int]) -> tuple[float, float]:
+                  tile: tuple[int, int]) -> tuple[float, float]:
     """Error of interpolated amplitudes, dB, and the share of dark corners of lit tiles."""
     weights, knots = [], []
-    for at, side, size, order in zip(pairs.index, tile, shape, degree, strict=True):
+    for at, side, size in zip(pairs.index, tile, shape, strict=True):
         first = at // side * side
         last = np.minimum(first + side, size - 1)
-        some = [first + (last - first) * part // max(order, 1) for part in range(order + 1)]
+        some = [first + (last - first) * part // 2 for part in range(3)] if side > 1 else [first]
         weights.append(_lagrange(at, some))
         knots.append(some)
     found, dark, lit = np.zeros(len(pairs)), [], pairs.amplitude > 0
@@ -468,13 +462,11 @@ def _rounded_db(pairs: LitPairs) -> float:
 
 
 def _lagrange(at, knots) -> list[np.ndarray]:
-    """Weights of values at one to three knots, as the compiled loops have them."""
+    """Weights of values at one knot or three, as the compiled loops have them."""
     if len(knots) == 1:
         return [np.ones(len(at))]
     length = np.maximum(knots[-1] - knots[0], 1)
     t = (at - knots[0]) / length
-    if len(knots) == 2:
-        return [1 - t, t]
     m = (knots[1] - knots[0]) / length
     bent = knots[1] > knots[0]  # three points at least
     m = np.where(bent, m, 0.5)
