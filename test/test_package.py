@@ -41,22 +41,35 @@ def _name(path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-def _imports(path) -> set[str]:
-    """Absolute names of the modules that the file at `path` imports, at any depth of nesting."""
+@functools.cache
+def _names(path) -> tuple[set[str], set[str]]:
+    """Absolute names that a file imports, at any depth of nesting, and names that its code gives.
+
+    Among these are those of what it imports.
+    """
     package = path.relative_to(ROOT).parent.parts
-    names = set()
+    imported, defined = set(), set()
     for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
+        if isinstance(node, ast.Name):
+            if isinstance(node.ctx, ast.Store):
+                defined.add(node.id)
+        elif isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            defined.add(node.name)
+        elif isinstance(node, ast.alias):
+            defined.add(node.asname or node.name)
+        elif isinstance(node, ast.Import):
+            imported.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             base = package[:len(package) - node.level + 1] if node.level else ()
             module = '.'.join([*base, *([node.module] if node.module else [])])
-            names.update(f'{module}.{alias.name}' for alias in node.names)
-    return names
+            imported.update(f'{module}.{alias.name}' for alias in node.names)
+        elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == '_HOMES':
+            defined.update(ast.literal_eval(node.value))  # imported when they are used first
+    return imported, defined
 
 
 def _third_party(path) -> set[str]:
-    tops = {name.split('.')[0] for name in _imports(path)}
+    tops = {name.split('.')[0] for name in _names(path)[0]}
     return tops - set(sys.stdlib_module_names) - set(PACKAGES)
 
 
@@ -233,7 +246,7 @@ def test_numerical_core_does_not_know_ros():
     core = [path for path in MODULES if not _name(path).startswith(ROS_ROOMS)]
     assert len(core) > 10
     for path in core:
-        names = _imports(path)
+        names, _ = _names(path)
         assert not {name.split('.')[0] for name in names} & {*forbidden, 'msg_conversions'}, path
         rooms = ('sar_imaging.nodes', 'sar_imaging.tools', 'sar_imaging.launch')
         assert not [name for name in names if name.startswith(rooms)], path
@@ -263,33 +276,17 @@ def test_tools_explain_that_rosbags_is_missing(tool, arguments):
     assert 'Traceback' not in result.stderr
 
 
-@functools.cache
-def _defined(path) -> set[str]:
-    """Names that the code of a module gives, to what it imports among others."""
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-            names.add(node.id)
-        elif isinstance(node, (ast.FunctionDef, ast.ClassDef)):
-            names.add(node.name)
-        elif isinstance(node, ast.alias):
-            names.add(node.asname or node.name)
-        elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == '_HOMES':
-            names.update(ast.literal_eval(node.value))  # imported when they are used first
-    return names
-
-
 def test_what_is_imported_exists():
     """Also what is imported when a function is called, and by tests that are skipped here."""
     sources = [*MODULES, *(ROOT / 'benchmarks').rglob('*.py')]
     files = {'.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__'): path
              for path in sources}
     for caller in [*sources, *(ROOT / 'test').rglob('*.py')]:
-        ours = {name for name in _imports(caller)
+        ours = {name for name in _names(caller)[0]
                 if name.split('.')[0] in (*PACKAGES, 'benchmarks')}
         for name in ours - files.keys():
             module, _, last = name.rpartition('.')
-            assert module in files and last in _defined(files[module]), \
+            assert module in files and last in _names(files[module])[1], \
                 f'{_name(caller)} imports {name}, which does not exist'
 
 
