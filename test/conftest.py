@@ -1,6 +1,7 @@
 """Settings of all tests; recordings of bags/ with exact images; profiles of random scatterers."""
 
 import dataclasses
+import os
 import signal
 from pathlib import Path
 
@@ -27,6 +28,10 @@ settings.load_profile('untimed')
 # A shell starts background jobs with SIGINT ignored, which children inherit; the tests of Ctrl-C
 # need what a terminal gives.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Threads of OpenMP that wait for each other would keep processors busy which other processes need:
+# twice the processor time for files of small images. Read where Numba starts its first threads.
+os.environ.setdefault('OMP_WAIT_POLICY', 'passive')
 
 # The files that compile the largest kernels, and between them some that need none: processes that
 # begin side by side with files that need the same kernels each compile them, for tens of seconds.
