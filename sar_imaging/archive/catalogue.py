@@ -23,7 +23,7 @@ from ..files import replacing
 from ..formats import require
 from ..formats.acquisition import date_of
 from ..formats.quicklook import limits_db
-from ..formats.report import Section, write_report
+from ..formats.report import ReportSection, write_report
 from ..formats.stac import (
     MEDIA,
     PROJECTION as PROJECTION_EXTENSION,
@@ -36,7 +36,7 @@ from ..imaging.radiometry import Radiometry
 from .images import StoredImage, error_db
 from .job import Job
 from .pieces import PieceResult, ProductPiece
-from .scans import ApertureScan, Loss, all_scans, load_scans, write_text
+from .scans import ApertureScan, ScanLoss, all_scans, load_scans, write_text
 from .storage import COHERENCE, IMAGES, MOSAIC, STRIPS, TiledArray
 from .tiles import stored_looks
 from .windows import Window, surface_z, union
@@ -254,7 +254,7 @@ def write_archive_report(output: Path, job: Job) -> tuple[str, ...]:
     told = [loss for scan in load_scans(output) for loss in scan.losses]
     known = {loss.name for loss in told}
     incomplete = [scan for scan in scans if not _is_complete(output, scan)]
-    told += [Loss(scan.name, scan.path, 'its image is not complete; summary.json tells why')
+    told += [ScanLoss(scan.name, scan.path, 'its image is not complete; summary.json tells why')
              for scan in incomplete if scan.name not in known]
     files, pictures = [], {}
     mosaic = union(s.window for s in scans) if scans else None
@@ -263,11 +263,12 @@ def write_archive_report(output: Path, job: Job) -> tuple[str, ...]:
         files, pictures = [PICTURE], {output / PICTURE: 'Mosaic, mean in decibels; '
                                       'hatched: apertures that are lost'}
     sections = [
-        Section('Mosaic', pictures, _map_rows(job, mosaic)),
-        Section('Aperture images', rows=_image_rows(output, scans)),
-        Section('Losses', rows={loss.name: loss.reason for loss in told[:_SHOWN_LOSSES]},
-                lines=[] if told else ['Nothing is lost.']),
-        Section('Parameters', rows={name: str(value) for name, value in job.deciding().items()})]
+        ReportSection('Mosaic', pictures, _map_rows(job, mosaic)),
+        ReportSection('Aperture images', rows=_image_rows(output, scans)),
+        ReportSection('Losses', rows={loss.name: loss.reason for loss in told[:_SHOWN_LOSSES]},
+                      lines=[] if told else ['Nothing is lost.']),
+        ReportSection('Parameters',
+                      rows={name: str(value) for name, value in job.deciding().items()})]
     warnings = [f'{len(told)} recordings, apertures or pieces are lost, see below'] if told else []
     write_report(output / REPORT, f'Archive {output.name}', sections, warnings)
     return (*files, REPORT)

@@ -70,7 +70,7 @@ class Prediction:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Pulses:
+class DividedPulses:
     """Range profiles to image, without their samples.
 
     Attributes
@@ -112,7 +112,7 @@ class Pulses:
         """Of all samples as they were recorded."""
         return 8 * self.n_pulses * self.tx_m.shape[1] * (self.raw_samples or self.n_samples)
 
-    def part(self, start: int, stop: int) -> Pulses:
+    def part(self, start: int, stop: int) -> DividedPulses:
         """Some of the pulses."""
         cut = slice(start, stop)
         return dataclasses.replace(self, tx_m=self.tx_m[cut], rx_m=self.rx_m[cut],
@@ -140,7 +140,7 @@ def room_bytes(job: Job) -> float:
     return job.memory_bytes - PROCESS_BYTES
 
 
-def choose_method(job: Job, grid: Grid, pulses: Pulses) -> tuple[str, float, float]:
+def choose_method(job: Job, grid: Grid, pulses: DividedPulses) -> tuple[str, float, float]:
     """Method of an image, its predicted seconds, and bytes with the pulses that wait.
 
     Exact backprojection streams the pulses. Any other method holds them all, and is taken where
@@ -167,7 +167,7 @@ def choose_method(job: Job, grid: Grid, pulses: Pulses) -> tuple[str, float, flo
     return (AFBP, seconds, n_bytes) if seconds < exact[1] and not doubtful else exact
 
 
-def _held(job: Job, grid: Grid, pulses: Pulses, method: str) -> tuple[float, float, Report]:
+def _held(job: Job, grid: Grid, pulses: DividedPulses, method: str) -> tuple[float, float, Report]:
     """Seconds and bytes of a method that images all pulses at once."""
     held = 2 * pulses.n_pulses * pulses.pulse_bytes
     with using(DEFAULT), granting(max(room_bytes(job) - held, 0)):
@@ -175,7 +175,7 @@ def _held(job: Job, grid: Grid, pulses: Pulses, method: str) -> tuple[float, flo
     return report.seconds or 0.0, report.n_bytes + held, report
 
 
-def predict(job: Job, pulses: Pulses, window: Window) -> Prediction | None:
+def predict(job: Job, pulses: DividedPulses, window: Window) -> Prediction | None:
     """What the image of some pulses on a window takes; None where it does not fit a worker.
 
     Raises
@@ -204,7 +204,7 @@ def predict(job: Job, pulses: Pulses, window: Window) -> Prediction | None:
     return Prediction(method, seconds + CORRELATION_S * checked, int(PROCESS_BYTES + n_bytes))
 
 
-def _streamed(job: Job, grid: Grid, pulses: Pulses) -> tuple[float, float]:
+def _streamed(job: Job, grid: Grid, pulses: DividedPulses) -> tuple[float, float]:
     """Seconds and bytes of exact backprojection, block by block."""
     block = min(pulses.n_pulses, max(1, int(BLOCK_SHARE * room_bytes(job) // pulses.pulse_bytes)))
     middle = (pulses.n_pulses - block) // 2
@@ -234,7 +234,7 @@ class UndividableError(ValueError):
     """No division of an aperture fits the memory of a worker; the text says what would."""
 
 
-def divide_aperture(job: Job, pulses: Pulses, window: Window) -> Division:
+def divide_aperture(job: Job, pulses: DividedPulses, window: Window) -> Division:
     """The division that takes the least time, within the memory of a worker.
 
     Pieces shall take `Job.longest_piece_s` at most, where that does not double the work. An
@@ -245,7 +245,7 @@ def divide_aperture(job: Job, pulses: Pulses, window: Window) -> Division:
     ----------
     job : Job
         With the bound of memory.
-    pulses : Pulses
+    pulses : DividedPulses
         Pulses of the aperture.
     window : Window
         Window of its image.
@@ -317,7 +317,7 @@ def _halves(window: Window, tile: int) -> tuple[Window, ...]:
             Window(window.row0, window.row1, cut, window.column1))
 
 
-def _division(job: Job, pulses: Pulses, windows: tuple[Window, ...], parts: int
+def _division(job: Job, pulses: DividedPulses, windows: tuple[Window, ...], parts: int
               ) -> Division | None:
     """Some windows and sub-apertures, where the largest piece fits."""
     cuts = np.linspace(0, pulses.n_pulses, parts + 1).astype(int)
@@ -337,7 +337,7 @@ def _sum_seconds(window: Window) -> float:
     return _SUM_TRAFFIC * IMAGE_BYTES * window.n_pixels * WRITE_S_PER_BYTE
 
 
-def _too_large(job: Job, pulses: Pulses, window: Window) -> str:
+def _too_large(job: Job, pulses: DividedPulses, window: Window) -> str:
     """What the smallest piece would take, and what to do."""
     [*_, finest] = _windows(window, job.tile)
     some = pulses.part(0, max(1, min(pulses.n_pulses, _FEWEST_PULSES)))

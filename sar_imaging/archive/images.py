@@ -42,7 +42,7 @@ from .windows import Window, window_grid
 _CPHD_WORK = 4  # times the samples that may be taken while they are converted
 
 
-class AperturePulses:
+class ApertureProfiles:
     """Pulses of an aperture, or neighbouring ones of them, as range profiles.
 
     Parameters
@@ -262,7 +262,7 @@ def form_image(piece: ImagePiece, job: Job, output: Path) -> PieceResult:
     quicker and to have room, holds them all. Plans are made with the costs that are the same
     everywhere, on one thread, so that a piece gives the same bits wherever it runs.
     """
-    pulses = AperturePulses(piece.scan, output, piece.pulses)
+    pulses = ApertureProfiles(piece.scan, output, piece.pulses)
     checked = Checked.of(piece.window, job.checked_pixels, piece.scan.name)
     with using(DEFAULT), one_thread():
         image = _formed(pulses, job, piece.window, piece.method, checked)
@@ -282,7 +282,7 @@ class one_thread:
         set_num_threads(self._before)
 
 
-def _formed(pulses: AperturePulses, job: Job, window: Window, method: str,
+def _formed(pulses: ApertureProfiles, job: Job, window: Window, method: str,
             checked: Checked) -> Image:
     """Image of pulses on a window, compared with correlation on the way."""
     grid = window_grid(window, job)

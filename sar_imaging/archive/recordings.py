@@ -32,14 +32,14 @@ from ..recordings.pulse_source import (
     open_apertures,
     pointing_of,
 )
-from .division import Pulses, UndividableError, divide_aperture
+from .division import DividedPulses, UndividableError, divide_aperture
 from .job import Job, JobError
 from .pieces import ArchiveDataError, PieceResult, ScanPiece
 from .scans import (
     SCANS,
     ApertureScan,
-    Loss,
     RecordingScan,
+    ScanLoss,
     antenna_arrays,
     bring_to_disk,
     scale_arrays,
@@ -352,7 +352,7 @@ class _Surface:
         return surface_points(self.job, places.reshape(-1, 3)).reshape(places.shape)
 
 
-def brightness_scale(job: Job, pulses: Pulses, window: Window) -> BrightnessScale | None:
+def brightness_scale(job: Job, pulses: DividedPulses, window: Window) -> BrightnessScale | None:
     """Scale of the image of an aperture; None where the job wants none.
 
     Profiles that are compressed here have no window; those of the recording have that of the job.
@@ -448,12 +448,12 @@ def scan_recording(path: Path, name: str, job: Job, output: Path) -> RecordingSc
             apertures.append(_aperture(source, own, name, job, output, fingerprint,
                                        alone=len(sources) == 1, longest=longest))
         except (OutOfSightError, UndividableError, SourceError, BagError, ValueError) as error:
-            losses.append(Loss(own, path, _told(error)))
+            losses.append(ScanLoss(own, path, _told(error)))
     return RecordingScan(name, tuple(apertures), tuple(losses))
 
 
 def _lost(name: str, path: Path, reason: str) -> RecordingScan:
-    return RecordingScan(name, losses=(Loss(name, path, reason),))
+    return RecordingScan(name, losses=(ScanLoss(name, path, reason),))
 
 
 def _line(error: Exception) -> str:
@@ -488,7 +488,7 @@ def _aperture(source: Source, name: str, recording: str, job: Job, output: Path,
     coverage = Coverage(radar, n_samples, tx_m, rx_m)
     seen = footprint(source, coverage, job, alone=alone)
     looks = turned(pointing_of(source), own, job.datum)
-    pulses = Pulses(radar, n_samples, tx_m, rx_m, raw, source.illumination, looks)
+    pulses = DividedPulses(radar, n_samples, tx_m, rx_m, raw, source.illumination, looks)
     division = divide_aperture(job, pulses, seen.window)
     scale = brightness_scale(job, pulses, seen.window)
     middle = seen.window.grid(job.spacing_m, job.height_m).centre_m

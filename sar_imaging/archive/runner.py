@@ -240,7 +240,7 @@ class Loss:
 
 
 @dataclasses.dataclass(frozen=True)
-class Summary:
+class RunSummary:
     """What `run_pieces` did.
 
     Attributes
@@ -291,10 +291,10 @@ class Summary:
         """For summary.json."""
         return {**dataclasses.asdict(self), 'exit_status': self.exit_status}
 
-    def __add__(self, other: Summary) -> Summary:
+    def __add__(self, other: RunSummary) -> RunSummary:
         """Two stages of a job as one."""
         larger = max(self, other, key=lambda summary: summary.peak_bytes)
-        return Summary(
+        return RunSummary(
             self.n_pieces + other.n_pieces, self.n_computed + other.n_computed,
             self.n_found + other.n_found, self.losses + other.losses,
             self.stopped or other.stopped, self.interrupted or other.interrupted,
@@ -363,7 +363,7 @@ _GOES_ON = 'start the job again: it goes on where it stopped'
 def run_pieces(pieces: Sequence[Any], compute: Callable[[Any, Path], Any], client, output: Path,
                *, retries: int = 2, memory_bytes: int | None = None,
                may_lack: Callable[[Any, Sequence[str]], bool] = lambda piece, lost: False,
-               on_result: Callable[[Any, dict], None] | None = None) -> Summary:
+               on_result: Callable[[Any, dict], None] | None = None) -> RunSummary:
     """Compute the pieces that have no record yet, on the workers of a Dask client.
 
     Parameters
@@ -387,7 +387,7 @@ def run_pieces(pieces: Sequence[Any], compute: Callable[[Any, Path], Any], clien
 
     Returns
     -------
-    Summary
+    RunSummary
         Ctrl-C ends up there, too.
 
     Raises
@@ -437,7 +437,7 @@ class _Run:
         self.stopped, self.computing_seconds, self.peak = '', 0.0, (0, '')
         self.n_threads, self.looked, self.threads_seen = 0, -1e9, time.monotonic()
 
-    def go(self) -> Summary:
+    def go(self) -> RunSummary:
         begin, interrupted = time.monotonic(), False
         (self.records.output / RECORDS).mkdir(exist_ok=True)
         self.client.run_on_scheduler(_let_die(self.retries))
@@ -455,7 +455,7 @@ class _Run:
                 # what runs is recorded by its worker, if it ends
                 self.client.cancel(list(self.futures), force=True)
         losses = tuple(self.losses[i] for i in sorted(self.losses))
-        return Summary(len(self.pieces), self.n_computed, self.n_found, losses, self.stopped,
+        return RunSummary(len(self.pieces), self.n_computed, self.n_found, losses, self.stopped,
                        interrupted, time.monotonic() - begin, self.computing_seconds, *self.peak)
 
     def look(self) -> None:

@@ -70,7 +70,7 @@ def scale_arrays(scale: BrightnessScale | None) -> dict[str, np.ndarray]:
 
 
 @dataclasses.dataclass(frozen=True)
-class Loss:
+class ScanLoss:
     """Something of an archive that no image is made of.
 
     Attributes
@@ -98,13 +98,13 @@ class RecordingScan:
         Name of the recording.
     apertures : tuple of ApertureScan
         Those that can be imaged.
-    losses : tuple of Loss
+    losses : tuple of ScanLoss
         Those that cannot, or the recording itself.
     """
 
     name: str
     apertures: tuple[ApertureScan, ...] = ()
-    losses: tuple[Loss, ...] = ()
+    losses: tuple[ScanLoss, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)

@@ -20,10 +20,10 @@ from .job import Job
 from .pieces import Piece, PieceResult, ProductPiece, ScanPiece
 from .recordings import find_recordings, scan_piece, with_datum
 from .records import claim, held
-from .runner import Loss, Summary, run_pieces
+from .runner import Loss, RunSummary, run_pieces
 from .scans import (
-    Loss as ScanLoss,
     RecordingScan,
+    ScanLoss,
     load_job,
     load_scan,
     remove_parts,
@@ -46,7 +46,7 @@ class _Opened:
 
 
 def run_archive(job: Job, *, workers: int | None = None, scheduler: str | None = None,
-                tell: Callable[[str], None] = print) -> Summary:
+                tell: Callable[[str], None] = print) -> RunSummary:
     """Image the recordings of an archive: all products of a job that are not there yet.
 
     Parameters
@@ -62,7 +62,7 @@ def run_archive(job: Job, *, workers: int | None = None, scheduler: str | None =
 
     Returns
     -------
-    Summary
+    RunSummary
         Also written to ``summary.json``; its `exit_status` tells whether anything is lost.
 
     Raises
@@ -101,7 +101,7 @@ def run_archive(job: Job, *, workers: int | None = None, scheduler: str | None =
 
 
 def plan_archive(job: Job, *, workers: int | None = None, scheduler: str | None = None,
-                 tell: Callable[[str], None] = print) -> tuple[ArchivePlan | None, Summary]:
+                 tell: Callable[[str], None] = print) -> tuple[ArchivePlan | None, RunSummary]:
     """Scan the recordings and tell what the job takes, without doing it.
 
     Parameters and errors are those of `run_archive`, which finds the scans again.
@@ -110,7 +110,7 @@ def plan_archive(job: Job, *, workers: int | None = None, scheduler: str | None 
     -------
     ArchivePlan or None
         None if the scans were stopped.
-    Summary
+    RunSummary
         Of the scans.
     """
     with _opened(job, workers, scheduler, tell) as opened:
@@ -135,13 +135,13 @@ def _opened(job: Job, workers: int | None, scheduler: str | None, tell: Callable
             yield _Opened(job, client, recordings)
 
 
-def _run(opened: _Opened, pieces) -> Summary:
+def _run(opened: _Opened, pieces) -> RunSummary:
     return run_pieces(pieces, compute, opened.client, opened.job.output,
                       retries=opened.job.retries, memory_bytes=int(opened.job.memory_bytes),
                       may_lack=may_lack)
 
 
-def _scan(opened: _Opened) -> tuple[Summary, list[RecordingScan]]:
+def _scan(opened: _Opened) -> tuple[RunSummary, list[RecordingScan]]:
     """Scan all recordings; what is lost of one is among the summary's losses."""
     output = opened.job.output
     names = {f'scan {name}': name for name in opened.recordings}
@@ -178,7 +178,7 @@ def _divide(job: Job, scans: list[RecordingScan], tell: Callable[[str], None]) -
     return plan
 
 
-def _written(output: Path, summary: Summary) -> Summary:
+def _written(output: Path, summary: RunSummary) -> RunSummary:
     told = {'version': sar_imaging.__version__, **summary.as_json()}
     write_text(output / SUMMARY_FILE, json.dumps(told, indent=1) + '\n')
     return summary

@@ -38,7 +38,7 @@ PATTERN = AntennaPattern(_CUT, PatternCut.everywhere())
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Scene:
+class CheckScene:
     """A map, and the pulses that see the scatterers on it, from antennas that look along x.
 
     Attributes
@@ -87,7 +87,7 @@ class Scene:
 @functools.lru_cache(maxsize=16)
 def make_scene(range_m: float, *, n: int = 48, pulses: int = 64, aperture_m: float | None = None,
                height_m: float = 0.0, bend_m: float = 0.0, apart_m: float = 0.0,
-               channels: int = 1, history: bool = False, n_points: int = 60) -> Scene:
+               channels: int = 1, history: bool = False, n_points: int = 60) -> CheckScene:
     """Profiles, or phase histories, of random scatterers all over a map at some range along x.
 
     The track runs along y, `bend_m` further out in its middle; receivers stand `apart_m` behind
@@ -128,7 +128,7 @@ def make_scene(range_m: float, *, n: int = 48, pulses: int = 64, aperture_m: flo
     pointing = Pointing.of_unit_vectors(*(np.tile(a, (pulses, 1)) for a in np.eye(3)[[0, 2]]))
     block = PulseBlock(radar, not history, np.arange(pulses), np.arange(pulses), samples, tx, rx,
                        pointing=pointing)
-    return Scene(grid, block, frequencies, spectra)
+    return CheckScene(grid, block, frequencies, spectra)
 
 
 def error_db(image, wanted) -> float:
@@ -306,7 +306,7 @@ def _check_exact(made, route: str, **options) -> str:
     return told
 
 
-def _afbp_plan(scene: Scene, target_db: float, route: str, lit: Illumination | None):
+def _afbp_plan(scene: CheckScene, target_db: float, route: str, lit: Illumination | None):
     """Plan of the sub-apertures, and the predicted error of the map."""
     grid, block = scene.grid, scene.block
     band = None if block.compressed else PhaseHistory(block.radar, block.n_samples)

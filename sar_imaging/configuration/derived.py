@@ -122,7 +122,7 @@ _TRACK_POINTS = 33  # of the aperture, and of each side of the grid
 
 
 @dataclasses.dataclass(frozen=True)
-class Scene:
+class SceneExtent:
     """Ranges and directions of the grid.
 
     Parameters
@@ -158,7 +158,7 @@ class Scene:
         return self.direction[1] - self.direction[0]
 
 
-def see_scene(acquisition: Acquisition, imaging: Imaging) -> Scene:
+def see_scene(acquisition: Acquisition, imaging: Imaging) -> SceneExtent:
     """Scene of a grid from a straight track.
 
     Parameters
@@ -170,7 +170,7 @@ def see_scene(acquisition: Acquisition, imaging: Imaging) -> Scene:
 
     Returns
     -------
-    Scene
+    SceneExtent
     """
     grid, top_m = imaging.grid, imaging.top_m
     centre = np.asarray(acquisition.centre_m)
@@ -200,7 +200,7 @@ def see_scene(acquisition: Acquisition, imaging: Imaging) -> Scene:
     squint = float(np.linalg.norm(cross))
     ground = math.hypot(*sight[:2])
     beside_sight = np.array([-sight[1], sight[0], 0.0]) / max(ground, 1e-9)
-    return Scene(
+    return SceneExtent(
         range_m=range_m, near_m=float(np.linalg.norm(track - nearest, axis=1).min()),
         far_m=float(far), direction=(float(cosines.min()), float(cosines.max())),
         grazing_cosine=ground, across_cosine=abs(float(cross @ beside_sight)) / max(squint, 1e-9),
@@ -241,7 +241,7 @@ class Derived:
 
     Parameters
     ----------
-    scene : Scene
+    scene : SceneExtent
         What the platform sees of the grid.
     profile_radar : RadarParameters
         Radar parameters of the range profiles.
@@ -298,7 +298,7 @@ class Derived:
     pulses per second: 244 at the least
     """
 
-    scene: Scene
+    scene: SceneExtent
     profile_radar: RadarParameters
     n_profile: int
     window_m: tuple[float, float]
@@ -373,9 +373,7 @@ def derive(acquisition: Acquisition, imaging: Imaging, machine: Machine) -> Deri
     azimuth_null = _ratio(wavelength, 4 * math.sin(aperture_rad / 2) * scene.across_cosine)
     range_null = _ratio(radar.range_resolution_m, scene.grazing_cosine)
     shortest = radar.shortest_wavelength_m
-    illuminated = scene.direction_extent
-    if a.beamwidth_rad:
-        illuminated = min(illuminated, 2 * math.sin(a.beamwidth_rad / 2))
+    illuminated = _illuminated_directions(a, scene)
     pulse = a.n_channels * SAMPLE_BYTES
     blocks = imaging.pulses_per_block * pulse
     n_pixels = imaging.n_pixels
@@ -402,6 +400,13 @@ def derive(acquisition: Acquisition, imaging: Imaging, machine: Machine) -> Deri
                            profile_block_bytes=blocks * n_profile,
                            pulse_bytes=pulse * a.n_samples,
                            aperture_bytes=imaging.pulses_per_aperture * pulse * n_profile))
+
+
+def _illuminated_directions(acquisition: Acquisition, scene: SceneExtent) -> float:
+    """Extent of the directions from which echoes come, as sines of angles."""
+    if not acquisition.beamwidth_rad:
+        return scene.direction_extent
+    return min(scene.direction_extent, 2 * math.sin(acquisition.beamwidth_rad / 2))
 
 
 def plan_profiles(acquisition: Acquisition, imaging: Imaging) -> tuple[RadarParameters, int]:
@@ -468,7 +473,7 @@ def _ratio(a: float, b: float) -> float:
     return a / b if b > 1e-9 * a else math.inf
 
 
-def _seen_angle(scene: Scene, length_m: float) -> float:
+def _seen_angle(scene: SceneExtent, length_m: float) -> float:
     """Angle of an aperture seen from the middle of the grid, radians."""
     return 2 * math.atan(length_m * scene.squint_sine / (2 * max(scene.range_m, 1e-9)))
 

@@ -24,7 +24,7 @@ td { padding: .15rem 0; } tr { border-bottom: 1px solid #e6e6e6; }
 
 
 @dataclasses.dataclass(frozen=True)
-class Section:
+class ReportSection:
     """A part of a report.
 
     Parameters
@@ -45,7 +45,7 @@ class Section:
     lines: Sequence[str] = ()
 
 
-def write_report(path: Path, title: str, sections: Sequence[Section],
+def write_report(path: Path, title: str, sections: Sequence[ReportSection],
                  warnings: Sequence[str]) -> None:
     """Write a report that can be sent by itself.
 
@@ -55,7 +55,7 @@ def write_report(path: Path, title: str, sections: Sequence[Section],
         HTML file to write.
     title : str
         Heading.
-    sections : sequence of Section
+    sections : sequence of ReportSection
         In their order.
     warnings : sequence of str
         All that a reader has to know, shown first.
@@ -69,7 +69,7 @@ def write_report(path: Path, title: str, sections: Sequence[Section],
         f'{told or "<p class=fine>No warnings.</p>"}\n{body}</body>\n</html>\n', encoding='utf-8')
 
 
-def _section(section: Section) -> str:
+def _section(section: ReportSection) -> str:
     parts = [f'<h2>{html.escape(section.title)}</h2>\n']
     for picture, caption in section.pictures.items():
         data = base64.b64encode(picture.read_bytes()).decode('ascii')

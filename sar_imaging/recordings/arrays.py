@@ -195,11 +195,7 @@ def _load(description: Path, data: Path | str | None, changes: Mapping[str, obje
         poses = read_poses(top.section('poses', pose_files.KEYS), folder, every)
     else:
         position_m, pulses = _read_positions(top, folder, every, shape, pulses)
-    if 'calibration' in top:
-        weights = calibration_weights(folder / top.text('calibration'), pulses.n_channels,
-                                      real_samples=pulses.radar.waveform.is_real)
-        pulses = dataclasses.replace(pulses, samples=pulses.samples * weights)
-    used, pulses, lost = _choose(top, pulses)
+    used, pulses, lost = _choose(top, _corrected(top, folder, pulses))
     warnings += lost
     if section.flag('remove_background'):
         pulses = subtract_background(pulses)
@@ -207,10 +203,26 @@ def _load(description: Path, data: Path | str | None, changes: Mapping[str, obje
     alignment = _alignment(top.section('alignment', ALIGNMENT_KEYS), array, poses is not None)
     names = [top.text(key, '') for key in ('name', 'description', 'notes')]
     told = names[0] or description.stem, *names[1:]
-    if poses is None:
-        block = _at_positions(pulses, position_m[used], alignment, array)
-        block, antenna = _lit(top, _dated(block))
-        return Loaded(*told, block, None, None, scene, warnings, antenna)
+    if poses is not None:
+        return _with_poses(top, told, pulses, poses, alignment, array, scene, warnings)
+    block, antenna = _pointed(top, _dated(_at_positions(pulses, position_m[used], alignment,
+                                                        array)))
+    return Loaded(*told, block, None, None, scene, warnings, antenna)
+
+
+def _corrected(top: Section, folder: Path, pulses: PulseBlock) -> PulseBlock:
+    """Pulses with the weights of a calibration of the channels, where there is one."""
+    if 'calibration' not in top:
+        return pulses
+    weights = calibration_weights(folder / top.text('calibration'), pulses.n_channels,
+                                  real_samples=pulses.radar.waveform.is_real)
+    return dataclasses.replace(pulses, samples=pulses.samples * weights)
+
+
+def _with_poses(top: Section, told: tuple[str, str, str], pulses: PulseBlock, poses: PoseTable,
+                alignment: Alignment, array: VirtualArray, scene: Scene,
+                warnings: tuple[str, ...]) -> Loaded:
+    """Pulses beside their poses; with positions where the channels have times of their own."""
     try:
         poses = dataclasses.replace(poses_around(poses, pulses, alignment), frame_id=scene.frame)
     except DescriptionError as error:  # which a warning may explain
@@ -222,7 +234,7 @@ def _load(description: Path, data: Path | str | None, changes: Mapping[str, obje
     if array.schedule is None:
         antenna, mount = _antenna(top)
         return Loaded(*told, pulses, poses, alignment, scene, warnings, antenna, mount)
-    block, antenna = _lit(top, _at_own_times(pulses, poses, alignment, array))
+    block, antenna = _pointed(top, _at_own_times(pulses, poses, alignment, array))
     return Loaded(*told, block, None, None, scene, warnings, antenna)
 
 
@@ -237,7 +249,7 @@ def _antenna(top: Section) -> tuple[Antenna | None, Mount | None]:
     return antenna, mount
 
 
-def _lit(top: Section, block: PulseBlock) -> tuple[PulseBlock, Antenna | None]:
+def _pointed(top: Section, block: PulseBlock) -> tuple[PulseBlock, Antenna | None]:
     """Pulses at known positions with their pointing, and the antenna."""
     if 'antenna' not in top:
         return block, None

@@ -22,7 +22,7 @@ from .bag_io import BagError, deserialise, raw_messages, read_poses, read_truth
 
 
 @dataclasses.dataclass(frozen=True)
-class Aperture:
+class RecordedAperture:
     """Pulses of a recording that make one image.
 
     Parameters
@@ -202,14 +202,14 @@ class Recording:
         except ValueError as error:
             raise BagError(f'{self.path}: {error}') from error
 
-    def apertures(self, pulses_per_aperture: int) -> list[Aperture]:
+    def apertures(self, pulses_per_aperture: int) -> list[RecordedAperture]:
         """Apertures in the order of their numbers."""
         numbers = self.counter // pulses_per_aperture
         out = []
         for number in np.unique(numbers):
             index = np.flatnonzero(numbers == number)
             stamps = self.stamp_ns[index]
-            out.append(Aperture(int(number), np.unique(self.counter[index]).size,
+            out.append(RecordedAperture(int(number), np.unique(self.counter[index]).size,
                                 int(stamps.min()), int(stamps.max()),
                                 int(self.message[index[self.counter[index].argmax()]])))
         return out

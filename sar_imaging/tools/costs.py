@@ -39,7 +39,7 @@ _CARRIER_HZ, _OVERSAMPLING, _BEYOND = 10e9, 1.4, 160
 
 
 @dataclasses.dataclass(frozen=True)
-class Scene:
+class TimedMap:
     """Map beside a straight track, and pulses of noise.
 
     Attributes
@@ -87,16 +87,16 @@ class Scene:
 
 
 @dataclasses.dataclass(frozen=True)
-class Scenes:
-    """Scenes by what is timed with them.
+class TimedMaps:
+    """Maps by what is timed with them.
 
     Attributes
     ----------
-    lines, points, polar : tuple of Scene
+    lines, points, polar : tuple of TimedMap
         Lines, points and polar grid of exact images.
-    afbp : tuple of (Scene, int)
+    afbp : tuple of (TimedMap, int)
         And the lengths of their sub-apertures.
-    ffbp : tuple of Scene
+    ffbp : tuple of TimedMap
         With each kernel; empty where that is not offered.
     transfers : tuple of int
         Bytes that are copied to a device and back.
@@ -104,32 +104,32 @@ class Scenes:
         Segments of lines and beams are also changed, number by number.
     """
 
-    lines: tuple[Scene, ...]
-    points: tuple[Scene, ...]
-    polar: tuple[Scene, ...]
-    afbp: tuple[tuple[Scene, int], ...]
-    ffbp: tuple[Scene, ...] = ()
+    lines: tuple[TimedMap, ...]
+    points: tuple[TimedMap, ...]
+    polar: tuple[TimedMap, ...]
+    afbp: tuple[tuple[TimedMap, int], ...]
+    ffbp: tuple[TimedMap, ...] = ()
     transfers: tuple[int, ...] = ()
     varied: bool = True
 
 
 #: Half a minute on one thread.
-PROCESSOR = Scenes(
-    lines=(Scene(1e4, 512, 512, 48), Scene(1e4, 2048, 8, 64), Scene(1e4, 2048, 8, 64, 0.06),
-           Scene(1e4, 48, 48, 4)),
-    points=(Scene(1e3, 256, 256, 48), Scene(1e3, 1024, 8, 64)),
-    polar=(Scene(1e3, 384, 384, 192), Scene(1e3, 96, 96, 192)),
-    afbp=((Scene(1e3, 64, 1024, 1024, n_channels=4), 96), (Scene(1e3, 1024, 1024, 1024), 24),
-          (Scene(3e3, 2048, 2048, 2048), 128)),
-    ffbp=(Scene(1e3, 256, 256, 512), Scene(1e3, 768, 768, 32)))
+PROCESSOR = TimedMaps(
+    lines=(TimedMap(1e4, 512, 512, 48), TimedMap(1e4, 2048, 8, 64),
+           TimedMap(1e4, 2048, 8, 64, 0.06), TimedMap(1e4, 48, 48, 4)),
+    points=(TimedMap(1e3, 256, 256, 48), TimedMap(1e3, 1024, 8, 64)),
+    polar=(TimedMap(1e3, 384, 384, 192), TimedMap(1e3, 96, 96, 192)),
+    afbp=((TimedMap(1e3, 64, 1024, 1024, n_channels=4), 96), (TimedMap(1e3, 1024, 1024, 1024), 24),
+          (TimedMap(3e3, 2048, 2048, 2048), 128)),
+    ffbp=(TimedMap(1e3, 256, 256, 512), TimedMap(1e3, 768, 768, 32)))
 #: Enough work that a device is busy: images of 1 to 100 ms.
-DEVICE = Scenes(
-    lines=(Scene(1e4, 2048, 2048, 256), Scene(1e4, 8192, 32, 1024),
-           Scene(1e4, 8192, 32, 1024, 0.06), Scene(1e4, 48, 48, 4)),
-    points=(Scene(1e3, 1024, 1024, 256), Scene(1e3, 4096, 32, 512)),
-    polar=(Scene(1e3, 1536, 1536, 768), Scene(1e3, 384, 384, 768)),
-    afbp=((Scene(1e3, 64, 1024, 1024, n_channels=4), 96), (Scene(1e3, 1024, 1024, 1024), 24),
-          (Scene(3e3, 4096, 4096, 4096), 128)),
+DEVICE = TimedMaps(
+    lines=(TimedMap(1e4, 2048, 2048, 256), TimedMap(1e4, 8192, 32, 1024),
+           TimedMap(1e4, 8192, 32, 1024, 0.06), TimedMap(1e4, 48, 48, 4)),
+    points=(TimedMap(1e3, 1024, 1024, 256), TimedMap(1e3, 4096, 32, 512)),
+    polar=(TimedMap(1e3, 1536, 1536, 768), TimedMap(1e3, 384, 384, 768)),
+    afbp=((TimedMap(1e3, 64, 1024, 1024, n_channels=4), 96), (TimedMap(1e3, 1024, 1024, 1024), 24),
+          (TimedMap(3e3, 4096, 4096, 4096), 128)),
     transfers=(1 << 16, 1 << 26))
 
 
@@ -160,7 +160,7 @@ class Experiment:
     run: Callable[[], object]
 
 
-def experiments(name: str = 'cpu', scenes: Scenes | None = None) -> Iterator[Experiment]:
+def experiments(name: str = 'cpu', scenes: TimedMaps | None = None) -> Iterator[Experiment]:
     """What is timed, one after the other.
 
     Parameters
@@ -168,7 +168,7 @@ def experiments(name: str = 'cpu', scenes: Scenes | None = None) -> Iterator[Exp
     name : str
         Backend whose costs are wanted: ``'cpu'`` or ``'cuda'``. Samples and images lie on a
         device beforehand, and the way there is timed by itself.
-    scenes : Scenes, optional
+    scenes : TimedMaps, optional
         `PROCESSOR` or `DEVICE` if left out.
 
     Raises
@@ -183,7 +183,7 @@ def experiments(name: str = 'cpu', scenes: Scenes | None = None) -> Iterator[Exp
 class _Experiments:
     """Those of one backend."""
 
-    def __init__(self, name: str, scenes: Scenes):
+    def __init__(self, name: str, scenes: TimedMaps):
         self._backend, self._scenes = backend(name), scenes
         there = name == CUDA
         self._like = self._backend.to_device(np.zeros((1, 1), np.complex64)) if there else None
@@ -364,7 +364,7 @@ class _Experiments:
                 lambda samples=samples: self._backend.to_host(self._backend.to_device(samples)))
 
 
-def _planned(scene: Scene, **costs) -> tuple[BackprojectionPlan, PulseBlock]:
+def _planned(scene: TimedMap, **costs) -> tuple[BackprojectionPlan, PulseBlock]:
     """Plan of an exact image with other costs, and the pulses."""
     block = scene.block()
     with using(dataclasses.replace(DEFAULT, **costs)):
@@ -404,7 +404,7 @@ class Timing:
 
 
 def measure(name: str = 'cpu', *, rounds: int = _ROUNDS, least_s: float = _LEAST_S,
-            progress: bool = False, scenes: Scenes | None = None) -> list[Timing]:
+            progress: bool = False, scenes: TimedMaps | None = None) -> list[Timing]:
     """Time all experiments, on one thread or on a device.
 
     Times of a processor are its own: what else it does in the meantime is not counted, though it
@@ -420,7 +420,7 @@ def measure(name: str = 'cpu', *, rounds: int = _ROUNDS, least_s: float = _LEAST
         Rounds take as long together, at least, seconds.
     progress : bool
         Show a progress bar on standard error.
-    scenes : Scenes, optional
+    scenes : TimedMaps, optional
         As for `experiments`.
 
     Raises

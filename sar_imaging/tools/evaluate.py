@@ -14,12 +14,13 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from tqdm import tqdm
 
 from sar_imaging.files import check_target, filling, write_json
@@ -28,7 +29,7 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.quality import ScattererQuality, measure_scatterer
 
 from ..recordings.bag_io import pose_messages, raw_messages
-from ..recordings.recording import Aperture, Recording, read_recording
+from ..recordings.recording import RecordedAperture, Recording, read_recording
 from .arguments import add_aperture, add_output
 from .evaluation import examination, node_launch
 from .evaluation.examination import summary
@@ -163,7 +164,7 @@ def _nothing() -> None:
 class _Result:
     """What a replay gave."""
 
-    aperture: Aperture
+    aperture: RecordedAperture
     pulses_per_aperture: int
     received: ReceivedImage
     seconds: float
@@ -176,13 +177,7 @@ class _Result:
 def _replay(recording: Recording, arguments: argparse.Namespace, names: Sequence[str],
             check: Callable[[], None]) -> _Result:
     """Replay the recording and wait for the image."""
-    rclpy.init(args=list(NO_LOG_FILES),
-               signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
-    node = executor = None
-    try:
-        node = rclpy.create_node('evaluate', namespace=arguments.namespace)
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
+    with _spinning_node(arguments.namespace) as (node, executor):
         observer = Observer(node, executor, names, past=arguments.launch_nodes,
                             tell=lambda line: tqdm.write(line, file=sys.stderr))
         replayer = Replayer(node, executor, check=check, imager=(
@@ -199,24 +194,39 @@ def _replay(recording: Recording, arguments: argparse.Namespace, names: Sequence
         with tqdm(total=recording.n_messages, unit='message', desc='replaying') as bar:
             sent_s = _send(recording, aperture, replayer, arguments.rate, bar)
             _await_image(observer, aperture, arguments.timeout, check, bar)
-        now = time.monotonic()
-        for name in observer.stages:  # the counters that include the last pulse
-            observer.status_after(name, now, now + 5.0, check)
-        # an image is published before it is counted
-        while not _imagers(_counted(observer, before)) and time.monotonic() < now + 5.0:
-            observer.spin(check)
-        while observer.diagnosing and time.monotonic() < now + arguments.timeout:
-            observer.spin(check)
-        counters = _counted(observer, before)
+        counters = _await_counters(observer, before, arguments.timeout, check)
         return _Result(aperture, length, observer.image, observer.image.received_s - sent_s,
                        observer.grid, counters, _predicted_error_db(observer, counters),
                        observer.autofocus.get(aperture.number))
-    finally:
-        if executor is not None:
-            executor.shutdown()
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
+
+
+@contextlib.contextmanager
+def _spinning_node(namespace: str) -> Iterator[tuple[Node, SingleThreadedExecutor]]:
+    """Node of this program and its executor; both end with the block."""
+    rclpy.init(args=list(NO_LOG_FILES),
+               signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+    with contextlib.ExitStack() as stack:
+        stack.callback(rclpy.try_shutdown)
+        node = rclpy.create_node('evaluate', namespace=namespace)
+        stack.callback(node.destroy_node)
+        executor = SingleThreadedExecutor()
+        stack.callback(executor.shutdown)
+        executor.add_node(node)
+        yield node, executor
+
+
+def _await_counters(observer: Observer, before: dict[str, dict[str, int]], timeout_s: float,
+                    check: Callable[[], None]) -> dict[str, dict[str, int]]:
+    """Counters that include the last pulse and the image, after the search for mistakes."""
+    now = time.monotonic()
+    for name in observer.stages:
+        observer.status_after(name, now, now + 5.0, check)
+    # an image is published before it is counted
+    while not _imagers(_counted(observer, before)) and time.monotonic() < now + 5.0:
+        observer.spin(check)
+    while observer.diagnosing and time.monotonic() < now + timeout_s:
+        observer.spin(check)
+    return _counted(observer, before)
 
 
 def _counted(observer: Observer, before: dict[str, dict[str, int]]) -> dict[str, dict[str, int]]:
@@ -236,7 +246,8 @@ def _predicted_error_db(observer: Observer, counters: dict[str, dict[str, int]])
     return observer.figure(imagers[-1], 'predicted_error_db') if imagers else None
 
 
-def _choose_aperture(apertures: list[Aperture], length: int, wanted: int | None) -> Aperture:
+def _choose_aperture(apertures: list[RecordedAperture], length: int,
+                     wanted: int | None) -> RecordedAperture:
     """Aperture asked for, else the last complete one, else the one with most pulses."""
     if wanted is not None:
         for aperture in apertures:
@@ -248,7 +259,7 @@ def _choose_aperture(apertures: list[Aperture], length: int, wanted: int | None)
     return complete[-1] if complete else max(apertures, key=lambda a: a.n_pulses)
 
 
-def _send(recording: Recording, aperture: Aperture, replayer: Replayer, rate: float | None,
+def _send(recording: Recording, aperture: RecordedAperture, replayer: Replayer, rate: float | None,
           bar: tqdm) -> float:
     """Publish all messages; return when the last one of the aperture went out."""
     sent_s = math.nan
@@ -271,7 +282,7 @@ def _check_rejections(observer: Observer, check: Callable[[], None]) -> None:
         raise EvaluationError(reason)
 
 
-def _await_image(observer: Observer, aperture: Aperture, timeout_s: float,
+def _await_image(observer: Observer, aperture: RecordedAperture, timeout_s: float,
                  check: Callable[[], None], bar: tqdm) -> None:
     bar.set_description('waiting for the image')
     deadline = time.monotonic() + timeout_s

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip('zarr', reason='the extra archive is not installed')
 
 from benchmarks.support.radiometry_scenes import GAIN, Flight, rough_surface
-from sar_imaging.archive.division import Pulses, divide
+from sar_imaging.archive.division import DividedPulses, divide
 from sar_imaging.archive.job import Brightness, Job, Products
 from sar_imaging.archive.provenance import check_mosaic
 from sar_imaging.archive.recordings import brightness_scale, scan_recording
@@ -200,7 +200,7 @@ def test_incidence_follows_the_ellipsoid():
     up = DATUM.from_geographic(latitude, longitude, height + 1.0) - middle
     assert np.degrees(np.arccos(up[2])) == pytest.approx(0.9, abs=0.05)
     centres = flight.tx_m + [100e3, 0.0, middle[2]]
-    pulses = Pulses(flight.radar, flight.n_samples, centres, centres)
+    pulses = DividedPulses(flight.radar, flight.n_samples, centres, centres)
     scale = brightness_scale(job, pulses, Window.around([(x - 2, y - 2), (x + 2, y + 2)], 0.3))
     look = centres.mean(axis=(0, 1)) - middle
     incidence = np.degrees(np.arccos(look @ up / np.linalg.norm(look)))

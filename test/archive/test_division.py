@@ -14,7 +14,7 @@ from sar_imaging.archive.division import (
     PROCESS_BYTES,
     ArchivePlan,
     ArchiveTooLargeError,
-    Pulses,
+    DividedPulses,
     UndividableError,
     divide,
     divide_aperture,
@@ -46,7 +46,7 @@ def _pulses(pixels):
     [recording] = survey.recordings()
     [scenario] = recording.scenarios()
     half = pixels // 2
-    return (Pulses(survey.radar, survey.n_samples, *scenario.phase_centres()),
+    return (DividedPulses(survey.radar, survey.n_samples, *scenario.phase_centres()),
             Window(-half, half, -half, half))
 
 

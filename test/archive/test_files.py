@@ -11,7 +11,7 @@ import pytest
 from sar_imaging.archive.catalogue import reduced, write_archive_report
 from sar_imaging.archive.pieces import ArchiveDataError, ProductPiece
 from sar_imaging.archive.provenance import check_mosaic
-from sar_imaging.archive.scans import Loss, RecordingScan, write_scan
+from sar_imaging.archive.scans import RecordingScan, ScanLoss, write_scan
 from sar_imaging.archive.storage import image_array
 from sar_imaging.archive.tiles import stored_looks
 
@@ -160,7 +160,7 @@ def test_report_shows_what_is_lost(two_strips):
     for piece in two_strips.mosaic_tiles():
         two_strips.compute(piece)
     write_scan(two_strips.output, RecordingScan(
-        'flight-3', losses=(Loss('flight-3', None, 'it is empty <b>'),)))
+        'flight-3', losses=(ScanLoss('flight-3', None, 'it is empty <b>'),)))
     files = write_archive_report(two_strips.output, two_strips.job)
     assert files == ('mosaic.png', 'report.html')
     text = (two_strips.output / 'report.html').read_text()

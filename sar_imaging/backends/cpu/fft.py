@@ -9,7 +9,8 @@ rows that lie equally far apart.
 A pass combines groups of `LANES` samples, as many as its radix says, by a butterfly. The first
 pass reads groups from where they are, the last one leaves them where they are wanted, and between
 passes they are in memory that stays in a core's cache. Which groups meet, and in which order they
-are left, is all in tables, so that nothing is transposed or reordered by itself. A `Plan` holds:
+are left, is all in tables, so that nothing is transposed or reordered by itself. A
+`ColumnTransform` holds:
 
 - `table`, int64: number of passes, length, whether groups are fetched into the cache before the
   first pass needs them, and the radix of each pass; then, for each pass, `length` places (bytes)
@@ -217,7 +218,7 @@ def _difference(u, v):
     return tuple(map(operator.sub, u, v))
 
 
-class Plan(NamedTuple):
+class ColumnTransform(NamedTuple):
     """How a column of some length is transformed; see the module's text."""
 
     table: np.ndarray  # (3 + n_passes + 2 n_passes length,) int64
@@ -229,7 +230,7 @@ class Plan(NamedTuple):
         """Of the table, and of the turns."""
         return self.table.ctypes.data, self.turns.ctypes.data
 
-    def with_gain(self, gain: np.ndarray) -> Plan:
+    def with_gain(self, gain: np.ndarray) -> ColumnTransform:
         """Elements of each of some sets, (S, length) float64, are multiplied by a gain, too.
 
         S is a multiple of the sets that are turned.
@@ -241,7 +242,7 @@ class Plan(NamedTuple):
 
 @functools.lru_cache(maxsize=32)
 def plan_passes(length: int, inverse: bool, first_bytes: int, work_bytes: int, last_bytes: int,
-                fetch: bool, n_turned: int = 1) -> Plan:
+                fetch: bool, n_turned: int = 1) -> ColumnTransform:
     """Tables of a transform, from the bytes between its elements.
 
     ``X[k] = sum_m x[m] exp(-j 2 pi m k / N)`` with N a product of radices: element and frequency
@@ -286,7 +287,7 @@ def plan_passes(length: int, inverse: bool, first_bytes: int, work_bytes: int, l
         turns.append(np.moveaxis(turn, i + 1, -1).reshape(n_turned, length))
         cycles = np.zeros_like(cycles)
     table = np.concatenate([(len(radices), length, fetch), radices, *sources, *targets])
-    return Plan(table, np.stack(turns, axis=1), sources[0] // first_bytes)
+    return ColumnTransform(table, np.stack(turns, axis=1), sources[0] // first_bytes)
 
 
 @functools.cache
@@ -302,8 +303,9 @@ def run_passes(code, source, work, target, n_groups, table, turns, turns_apart):
 
     Numba would compile all butterflies again for each function that calls another, thus `code`,
     from `compiled_passes`. Elements are read at `source`, kept at `work` between passes, and left
-    at `target`. `table` and `turns` are `Plan.addresses`, turns those of the set; `turns_apart` is
-    that of the first pass where turns differ between columns of one group, else 0.
+    at `target`. `table` and `turns` are `ColumnTransform.addresses`, turns those of the set;
+    `turns_apart` is that of the first pass where turns differ between columns of one group, else
+    0.
     """
     call(code, (source, work, target, n_groups, table, turns, turns_apart))
 
@@ -340,8 +342,8 @@ class RowPlan(NamedTuple):
 
     height: int
     width: int
-    columns: Plan
-    lines: Plan
+    columns: ColumnTransform
+    lines: ColumnTransform
     turns: np.ndarray  # between the two: groups of lines, each (width, 2, LANES) float32
 
     @property

@@ -41,7 +41,7 @@ _LEAST_RATE, _RATE, _INTEGER_RATE = 1.09, 1.25, 1.1
 _REACH, _TOLD_REACH = 24.0, 0.2
 
 
-class Profiles:
+class VectorCompression:
     """How vectors of domain TOA become compressed blocks.
 
     Parameters, attributes and errors as of `PhaseHistories`; `integers` are rounded samples.
@@ -234,7 +234,7 @@ class CphdReader:
             raise CphdError(f'{container.path}: SGN is {sign!r}; expected -1 or +1')
         self.domain, self._sign = domain, int(sign)
         n_file = container.channels[self.channels[0]].n_samples
-        self._samples = PhaseHistories(vectors, n_file) if domain == 'FX' else Profiles(
+        self._samples = PhaseHistories(vectors, n_file) if domain == 'FX' else VectorCompression(
             vectors, n_file, integers=container.sample_type != 'CF8')
         self.radar, self.n_samples = self._samples.radar, self._samples.n_samples
         self.compressed = self._samples.compressed

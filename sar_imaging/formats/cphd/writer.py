@@ -55,7 +55,7 @@ def vector_type(layout: dict[str, str]) -> np.dtype:
 
 
 @dataclasses.dataclass(frozen=True)
-class Pulses:
+class WrittenPulses:
     """What was written: everything of the pulses but their samples.
 
     Parameters
@@ -121,7 +121,7 @@ def reference_delays(tx_m: np.ndarray, rx_m: np.ndarray, reference_m: np.ndarray
             + np.linalg.norm(rx_m - reference_m, axis=-1)) / SPEED_OF_LIGHT
 
 
-def vector_parameters(pulses: Pulses) -> np.ndarray:
+def vector_parameters(pulses: WrittenPulses) -> np.ndarray:
     """(C, P) structured array of the parameters of all vectors.
 
     Velocities are those between neighbouring pulses. aFRR1 and aFRR2 are zero: pulses of this
@@ -160,7 +160,7 @@ def vector_parameters(pulses: Pulses) -> np.ndarray:
     return out
 
 
-def _phase_history_window(pulses: Pulses, delay_s: np.ndarray, out: np.ndarray) -> None:
+def _phase_history_window(pulses: WrittenPulses, delay_s: np.ndarray, out: np.ndarray) -> None:
     """Band and window of phase histories: frequencies are samples, delays one period."""
     radar, n = pulses.radar, pulses.n_samples
     step = radar.bandwidth_hz / n
@@ -175,7 +175,7 @@ def _phase_history_window(pulses: Pulses, delay_s: np.ndarray, out: np.ndarray) 
     out['TOA1'], out['TOA2'] = (middle - half).T, (middle + half).T
 
 
-def _profile_window(pulses: Pulses, delay_s: np.ndarray, out: np.ndarray) -> None:
+def _profile_window(pulses: WrittenPulses, delay_s: np.ndarray, out: np.ndarray) -> None:
     """Band and window of profiles: delays are samples, the band is the radar's."""
     radar = pulses.radar
     if radar.sample_rate_hz < 1.1 * radar.bandwidth_hz:
@@ -209,13 +209,13 @@ _ANGLE_LIMITS = {'GrazeAngle': 90.0, 'IncidenceAngle': 90.0, 'SlopeAngle': 90.0,
 _OVER_LIMIT_DEG = 0.5  # between the Earth's normal and the line from its centre
 
 
-def make_metadata(pulses: Pulses, vectors: np.ndarray, grid: MapGrid, collection: Collection,
-                  sample_type: str, sign: int):
+def make_metadata(pulses: WrittenPulses, vectors: np.ndarray, grid: MapGrid,
+                  collection: Collection, sample_type: str, sign: int):
     """Metadata of a file of some pulses.
 
     Parameters
     ----------
-    pulses : Pulses
+    pulses : WrittenPulses
         What is written.
     vectors : (C, P) structured array
         Their parameters, of `vector_parameters`.
@@ -256,7 +256,7 @@ def make_metadata(pulses: Pulses, vectors: np.ndarray, grid: MapGrid, collection
     return root.getroottree()
 
 
-def _collection(collection: Collection, pulses: Pulses) -> dict:
+def _collection(collection: Collection, pulses: WrittenPulses) -> dict:
     told = {'CollectorName': collection.collector_name,
             'IlluminatorName': collection.illuminator_name,
             'CoreName': collection.core_name,
@@ -269,7 +269,7 @@ def _collection(collection: Collection, pulses: Pulses) -> dict:
     return {name: value for name, value in told.items() if value}
 
 
-def _global(pulses: Pulses, vectors: np.ndarray, sign: int) -> dict:
+def _global(pulses: WrittenPulses, vectors: np.ndarray, sign: int) -> dict:
     return {'DomainType': pulses.domain, 'SGN': f'{sign:+d}',
             'Timeline': {'CollectionStart': date_of(pulses.start_ns),
                          'TxTime1': vectors['TxTime'].min(), 'TxTime2': vectors['TxTime'].max()},
@@ -277,7 +277,7 @@ def _global(pulses: Pulses, vectors: np.ndarray, sign: int) -> dict:
             'TOASwath': {'TOAMin': vectors['TOA1'].min(), 'TOAMax': vectors['TOA2'].max()}}
 
 
-def _scene(pulses: Pulses, grid: MapGrid) -> dict:
+def _scene(pulses: WrittenPulses, grid: MapGrid) -> dict:
     datum = pulses.datum
     origin = datum.to_ecef(pulses.reference_m)
     half = np.array([grid.n_x, grid.n_y]) * grid.spacing_m / 2
@@ -306,7 +306,8 @@ def _scene(pulses: Pulses, grid: MapGrid) -> dict:
                           'NumSamples': grid.n_y}}}
 
 
-def _data(pulses: Pulses, vectors: np.ndarray, collection: Collection, sample_type: str) -> dict:
+def _data(pulses: WrittenPulses, vectors: np.ndarray, collection: Collection,
+          sample_type: str) -> dict:
     n_channels, n_vectors = vectors.shape
     signal = n_vectors * pulses.n_samples * SAMPLE_BYTES[sample_type]
     return {
@@ -325,7 +326,7 @@ def _fixed(vectors: np.ndarray, first: str, second: str) -> bool:
                 and (vectors[second] == vectors[second].flat[0]).all())
 
 
-def _channels(pulses: Pulses, vectors: np.ndarray, collection: Collection) -> dict:
+def _channels(pulses: WrittenPulses, vectors: np.ndarray, collection: Collection) -> dict:
     antenna = {} if pulses.antenna is None else {'Antenna': OF_CHANNEL}
     n_vectors = vectors.shape[1]
 
@@ -345,7 +346,7 @@ def _channels(pulses: Pulses, vectors: np.ndarray, collection: Collection) -> di
                 vectors, collection.channels, collection.polarisations, strict=True)]}
 
 
-def _layout(pulses: Pulses) -> dict:
+def _layout(pulses: WrittenPulses) -> dict:
     sarkit = require('sarkit.cphd', PURPOSE)
     out, offset = {}, 0
     for name, kind in pulses.layout.items():
@@ -557,7 +558,7 @@ class _Spool:
                      earlier * step, block.n_samples)
         return (block.samples * turns.reshape(shape)).astype(np.complex64)
 
-    def pulses(self, pattern: AntennaPattern | None) -> Pulses:
+    def pulses(self, pattern: AntennaPattern | None) -> WrittenPulses:
         """What was written, without its samples."""
         if not self._told:
             raise CphdError('there is no pulse to write')
@@ -569,9 +570,9 @@ class _Spool:
             antenna = WrittenAntenna.of(pattern, Pointing.join(self._looks), self._datum)
         stamp_ns, tx_m, rx_m, amplitude, has_signal = map(np.concatenate,
                                                           zip(*self._told, strict=True))
-        return Pulses(self.radar, self._n_samples, self._domain, self._datum, self._reference_m,
-                      stamp_ns, tx_m, rx_m, None if self._sample_type == 'CF8' else amplitude,
-                      has_signal, antenna)
+        return WrittenPulses(
+            self.radar, self._n_samples, self._domain, self._datum, self._reference_m, stamp_ns,
+            tx_m, rx_m, None if self._sample_type == 'CF8' else amplitude, has_signal, antenna)
 
 
 def _assemble(path: Path, tree, vectors: np.ndarray, collection: Collection,

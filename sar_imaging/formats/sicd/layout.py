@@ -23,7 +23,7 @@ _SAME_PLANE = np.cos(np.radians(0.5))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Layout:
+class SicdLayout:
     """Rows and columns of SICD in one of our images.
 
     Attributes
@@ -113,7 +113,7 @@ def turned(samples: np.ndarray, quarters: int) -> np.ndarray:
     return out
 
 
-def lay_out(grid, acquisition: Acquisition) -> Layout:
+def lay_out(grid, acquisition: Acquisition) -> SicdLayout:
     """SICD's order for an image on a map or on a plane of any orientation.
 
     Raises
@@ -138,7 +138,7 @@ def lay_out(grid, acquisition: Acquisition) -> Layout:
     _check_sampling(supports, spacing)
     quarters = tuple(round(4 * one.centre * step) for one, step in zip(supports, spacing,
                                                                        strict=True))
-    return Layout(transposed, *signs, shape, origin, axes, spacing,
+    return SicdLayout(transposed, *signs, shape, origin, axes, spacing,
                   _plane_name(np.cross(*axes), look, velocity), supports, quarters)
 
 

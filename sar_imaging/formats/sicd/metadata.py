@@ -29,7 +29,7 @@ from ...signal.radar import SPEED_OF_LIGHT, Waveform
 from ..acquisition import UNKNOWN, Acquisition
 from ..cphd.antennas.writing import TOLD_DB, WrittenAntenna
 from ..extras import require
-from .layout import Layout
+from .layout import SicdLayout
 from .track import Track, evaluate
 
 _logger = logging.getLogger(__name__)
@@ -129,7 +129,7 @@ class Radiometric:
     residual_db: float
 
 
-def radiometric(image: Image, layout: Layout, response: ImageResponse | KnotResponse,
+def radiometric(image: Image, layout: SicdLayout, response: ImageResponse | KnotResponse,
                 constant: RadarConstant, scale: float | None) -> Radiometric:
     """Scale factors of an image, calibrated or not.
 
@@ -137,7 +137,7 @@ def radiometric(image: Image, layout: Layout, response: ImageResponse | KnotResp
     ----------
     image : Image
         Its `radiometry` tells whether its samples are calibrated already.
-    layout : Layout
+    layout : SicdLayout
         Layout of the image.
     response : ImageResponse or KnotResponse
         Response of the same pixels, or of some of them.
@@ -193,7 +193,7 @@ def _knots(response: ImageResponse | KnotResponse) -> tuple[ImageResponse, tuple
 class _Fit:
     """Fits polynomials of as low an order as leaves 0.002 dB; keeps the largest residual."""
 
-    def __init__(self, layout: Layout, offset_m: np.ndarray, bright: np.ndarray):
+    def __init__(self, layout: SicdLayout, offset_m: np.ndarray, bright: np.ndarray):
         self._bright = bright
         places = offset_m[bright] @ layout.axes.T
         self._scales = np.maximum(np.abs(places).max(axis=0), 1e-3)
@@ -262,7 +262,7 @@ class Description:
         What the squared magnitude of the pixels is, where the image was calibrated.
     """
 
-    layout: Layout
+    layout: SicdLayout
     track: Track
     acquisition: Acquisition
     datum: Datum
@@ -319,7 +319,7 @@ def _creation(own: Description) -> dict:
             'DateTime': datetime.datetime.now(datetime.timezone.utc)}
 
 
-def _corners(layout: Layout) -> list[tuple[int, int]]:
+def _corners(layout: SicdLayout) -> list[tuple[int, int]]:
     rows, columns = layout.shape
     return [(0, 0), (0, columns - 1), (rows - 1, columns - 1), (rows - 1, 0)]
 
@@ -403,7 +403,7 @@ def _local_spectra(own: Description) -> np.ndarray:
     return fits / np.multiply.outer(scales[0] ** np.arange(n), scales[1] ** np.arange(n))
 
 
-def _spectrum_ends(layout: Layout, axis: int, polynomial: np.ndarray) -> tuple[float, float]:
+def _spectrum_ends(layout: SicdLayout, axis: int, polynomial: np.ndarray) -> tuple[float, float]:
     """DeltaK1 and DeltaK2: the spectra of all corners, or all there is where they wrap around."""
     corners = (np.array(_corners(layout)) - layout.scp_pixel) * layout.spacing_m
     offsets = np.polynomial.polynomial.polyval2d(*corners.T, polynomial)

@@ -31,7 +31,7 @@ _UNITS = ((1e9, 'GB'), (1e6, 'MB'), (1e3, 'kB'))
 
 
 @dataclasses.dataclass(frozen=True)
-class Summary:
+class FileSummary:
     """What is told of a file.
 
     Parameters
@@ -50,7 +50,7 @@ class Summary:
                           *(f'warning: {text}' for text in self.warnings)])
 
 
-def of_recording(path: Path) -> Summary:
+def of_recording(path: Path) -> FileSummary:
     """What a recording holds; reads through all of it."""
     recording = read_recording(path)
     truth, radar = recording.truth or {}, recording.radar
@@ -72,13 +72,13 @@ def of_recording(path: Path) -> Summary:
         warnings.append(f'{recording.n_unreadable} messages hold no pulse block')
     if recording.phase_centre_m is None:
         warnings.append('it has neither phase centres nor poses: it cannot be imaged alone')
-    return Summary(tuple(rows), tuple(warnings))
+    return FileSummary(tuple(rows), tuple(warnings))
 
 
-def of_pulses(path: Path) -> Summary:
+def of_pulses(path: Path) -> FileSummary:
     """What `open_pulses` tells of a file; reads all of it."""
     source = open_pulses(path)
-    return Summary((
+    return FileSummary((
         ('what', f'{source.kind} {path.name}'),
         ('when', _when(source.stamp_ns.min(), source.stamp_ns.max())),
         ('where', _datum(source.datum) if source.datum else 'not stated'),
@@ -89,7 +89,7 @@ def of_pulses(path: Path) -> Summary:
         ('size', f'{_bytes(source.n_bytes)} in memory')), source.warnings)
 
 
-def of_cphd(path: Path) -> Summary:
+def of_cphd(path: Path) -> FileSummary:
     """What a CPHD file holds; reads no samples."""
     with CphdReader(path) as reader:
         collection, container = reader.collection, reader.container
@@ -99,7 +99,7 @@ def of_cphd(path: Path) -> Summary:
         polarisations = ', '.join(
             f'{name} ({":".join(p)})' for name, p in zip(
                 collection.channels, collection.polarisations, strict=True))
-        return Summary((
+        return FileSummary((
             ('what', f'CPHD {container.version}, {collection.collector_name}, '
                      f'{collection.core_name}, {collection.mode_type.lower()}, '
                      f'{collection.collect_type.lower()}, {collection.classification}'),
@@ -115,13 +115,13 @@ def of_cphd(path: Path) -> Summary:
             ('size', _bytes(container.n_bytes))), tuple(reader.warnings))
 
 
-def of_sicd(path: Path) -> Summary:
+def of_sicd(path: Path) -> FileSummary:
     """What a SICD file tells; reads no pixels."""
     with reading(path, 'SICD'), open(path, 'rb') as file:
         return _of_sicd(path, Fields(SicdContainer(file).root))
 
 
-def _of_sicd(path: Path, fields: Fields) -> Summary:
+def _of_sicd(path: Path, fields: Fields) -> FileSummary:
     rows, columns = (fields.integer(f'ImageData/Num{n}', 1) for n in ('Rows', 'Cols'))
     start = fields.date('Timeline/CollectStart')
     duration = fields.number('Timeline/CollectDuration')
@@ -129,7 +129,7 @@ def _of_sicd(path: Path, fields: Fields) -> Summary:
     place = Datum(*(fields.number(f'GeoData/SCP/LLH/{n}') for n in ('Lat', 'Lon', 'HAE')))
     spacing = [fields.number(f'Grid/{axis}/SS') for axis in ('Row', 'Col')]
     width = [fields.number(f'Grid/{axis}/ImpRespWid') for axis in ('Row', 'Col')]
-    return Summary((
+    return FileSummary((
         ('what', f'SICD, {fields.text("CollectionInfo/CollectorName", "UNKNOWN")}, '
                  f'{fields.text("CollectionInfo/CoreName", "UNKNOWN")}, '
                  f'{fields.text("CollectionInfo/Classification", "UNKNOWN")}'),
@@ -145,7 +145,7 @@ def _of_sicd(path: Path, fields: Fields) -> Summary:
         ('size', _bytes(path.stat().st_size))))
 
 
-def of_geotiff(path: Path) -> Summary:
+def of_geotiff(path: Path) -> FileSummary:
     """What a GeoTIFF tells; reads no pixels."""
     rasterio = require('rasterio', 'reading GeoTIFF')
     warp = require('rasterio.warp', 'reading GeoTIFF')
@@ -160,7 +160,7 @@ def of_geotiff(path: Path) -> Summary:
             where = _degrees(latitudes, longitudes)
         steps = [float(np.hypot(file.transform.a, file.transform.d)),
                  float(np.hypot(file.transform.b, file.transform.e))]
-        return Summary((
+        return FileSummary((
             ('what', f'GeoTIFF, {file.count} bands of {file.dtypes[0]}'),
             ('when', file.tags().get('TIFFTAG_DATETIME', 'not stated')),
             ('where', where),
@@ -224,7 +224,7 @@ def _bytes(count: int) -> str:
 
 
 #: What tells of files of some kinds; `of_pulses` tells of all others.
-SUMMARIES: dict[str, Callable[[Path], Summary]] = {
+SUMMARIES: dict[str, Callable[[Path], FileSummary]] = {
     RECORDING: of_recording, CPHD: of_cphd, SICD: of_sicd,
     GEOTIFF: of_geotiff}
 

@@ -20,7 +20,7 @@ from ...exploitation.passes import PassComparison, compare_passes
 from ...files import filling, write_json
 from ...formats import MissingExtraError
 from ...formats.geotiff import write_raster
-from ...formats.report import Section, write_report
+from ...formats.report import ReportSection, write_report
 from ...geometry.earth import Datum
 from ...geometry.grids import MapGrid, PlaneGrid
 from ...imaging.image import Image
@@ -274,14 +274,14 @@ def _write_report(folder: Path, arguments, pair: Pair, found: PassComparison,
                f'{c.power_change_db:+.1f} dB' for c in found.changes[:_SHOWN_CHANGES]}
     contrast = [focus_figure(image.samples).contrast for image in pair.images]
     sections = [
-        Section('Changes', shown('change.png', 'coherence.png'), changes,
+        ReportSection('Changes', shown('change.png', 'coherence.png'), changes,
                 [f'A pixel has changed where its coherence is lower than {found.looks:.1f} looks '
                  'and noise explain, with a probability of a false alarm of '
                  f'{found.false_alarm_rate:g}. {1 - found.decidable.mean():.1%} of the pixels are '
                  'too dark or too little coherent to tell.']),
-        Section('Phase and height', shown('phase.png', 'height.png'),
+        ReportSection('Phase and height', shown('phase.png', 'height.png'),
                 lines=str(found).splitlines()),
-        Section('Both passes', shown('first.png', 'second.png'), {
+        ReportSection('Both passes', shown('first.png', 'second.png'), {
             'first': str(arguments.first), 'second': str(arguments.second),
             'formed by': ', '.join(image.report.method for image in pair.images),
             'contrast': ', '.join(f'{value:.2f}' for value in contrast)}, pair.chosen)]

@@ -28,7 +28,7 @@ from sar_imaging.imaging.image import Image
 from sar_imaging.quality import focus_figure, measure_scatterer
 from sar_imaging.signal.magnitudes import SPEED_OF_LIGHT
 
-from ...formats.report import Section, write_report
+from ...formats.report import ReportSection, write_report
 from ...recordings.pulse_source import (
     PulseSource,
     SourceError,
@@ -219,7 +219,7 @@ def _write_report(folder: Path, source: PulseSource, choice: GridChoice, image: 
     errors = {f'predicted: {cause}': f'{error:.1f} dB'
               for cause, error in quality['errors_db'].items()}
     sections = [
-        Section('Image', {folder / FILES['png']: 'Amplitude, decibels'}, {
+        ReportSection('Image', {folder / FILES['png']: 'Amplitude, decibels'}, {
             'pixels': f'{columns} by {rows}, {choice.spacing_m:g} m apart, {choice.plane} plane',
             'resolution (peak to null)': f'{choice.range_resolution_m:.3g} m in range, '
                                          f'{choice.azimuth_resolution_m:.3g} m along the track',
@@ -230,8 +230,8 @@ def _write_report(folder: Path, source: PulseSource, choice: GridChoice, image: 
             f'{source.datum.longitude_deg:.6f}\N{DEGREE SIGN}, '
             f'{source.datum.height_m:.1f} m above WGS 84 (origin of the frame)'},
             quality['chosen']),
-        Section('Acquisition', {drawing: 'Track and image'}, radar_rows(source, corners)),
-        Section('Error against time-domain correlation', rows={
+        ReportSection('Acquisition', {drawing: 'Track and image'}, radar_rows(source, corners)),
+        ReportSection('Error against time-domain correlation', rows={
             'wanted, predicted, measured': _errors(quality), **errors,
             **_measured_rows(quality['measured_error'])})]
     write_report(folder / 'report.html', f'SAR image of {source.path.name}', sections,

@@ -8,10 +8,10 @@ import pytest
 from sar_imaging.backends import backend
 from sar_imaging.backends.cuda.costs import DEFAULT, VARIABLE, DeviceCosts, device_costs
 from sar_imaging.tools import costs, measure_costs
-from sar_imaging.tools.costs import Scene, Scenes
+from sar_imaging.tools.costs import TimedMap, TimedMaps
 
-TINY = Scenes(lines=(Scene(1e4, 8, 8, 1),), points=(Scene(1e3, 4, 4, 1),), polar=(),
-              afbp=((Scene(1e3, 16, 16, 4), 4),), transfers=(1 << 10,), varied=False)
+TINY = TimedMaps(lines=(TimedMap(1e4, 8, 8, 1),), points=(TimedMap(1e3, 4, 4, 1),), polar=(),
+              afbp=((TimedMap(1e3, 16, 16, 4), 4),), transfers=(1 << 10,), varied=False)
 
 
 @pytest.mark.campaign
