@@ -19,6 +19,8 @@ from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.spectra import band_spectrum
 from sar_imaging.signal.waveforms import lfm_spectrum, n_pulse_samples
 
+from .compile_once import compile_once
+
 ROOT = Path(__file__).resolve().parents[1]
 
 # The first call of a test may compile a kernel or import half of rclpy: tests are not timed.
@@ -33,8 +35,10 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # twice the processor time for files of small images. Read where Numba starts its first threads.
 os.environ.setdefault('OMP_WAIT_POLICY', 'passive')
 
-# The files that compile the largest kernels, and between them some that need none: processes that
-# begin side by side with files that need the same kernels each compile them, for tens of seconds.
+compile_once()
+
+# The files that compile the largest kernels, and between them some that need none: of processes
+# that begin side by side with files that need the same kernels one compiles and the others wait.
 FIRST = ('backends/test_lit_kernels.py', 'backends/test_beams.py', 'archive/test_processes.py',
          'backends/test_correlation.py', 'backends/test_project_lines.py',
          'archive/test_runner.py', 'archive/test_cluster.py')

@@ -202,6 +202,9 @@ def become(request, files):
 
 
 if __name__ == '__main__':
+    from compile_once import compile_once
+
+    compile_once()
     for name in (*LOADED, *LOADED_LATER):
         importlib.import_module(name)
     # What Numba looks up before its first kernel, and rclpy with its first line of log.
