@@ -53,10 +53,11 @@ def imaged(_imaged_once, tmp_path):
                                job=dataclasses.replace(_imaged_once.job, output=output))
 
 
-@pytest.fixture(scope='session')
+@pytest.fixture(scope='module')
 def toys_are_importable():
     """By this process and by the workers that it starts."""
-    with pytest.MonkeyPatch.context() as patch:
+    from .forked_workers import forked_workers
+    with pytest.MonkeyPatch.context() as patch, forked_workers():
         folder = str(Path(__file__).parent)
         patch.syspath_prepend(folder)
         root = str(Path(__file__).resolve().parents[2])
@@ -64,7 +65,7 @@ def toys_are_importable():
         yield
 
 
-@pytest.fixture(scope='session')
+@pytest.fixture(scope='module')
 def toys(toys_are_importable):
     """Pieces that compute little and misbehave on demand."""
     import archive_toys

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import archive_toys
+from forked_workers import forked_workers
 
 from sar_imaging.archive.cluster import open_cluster
 from sar_imaging.archive.runner import run_pieces
@@ -15,7 +16,8 @@ from sar_imaging.archive.runner import run_pieces
 
 def main():
     output, leaves, workers, rounds = Path(sys.argv[1]), *map(int, sys.argv[2:5])
-    with open_cluster(output, workers=workers, scheduler=(sys.argv[5:] or [None])[0]) as client:
+    scheduler = (sys.argv[5:] or [None])[0]
+    with forked_workers(), open_cluster(output, workers=workers, scheduler=scheduler) as client:
         print('started', flush=True)
         summary = run_pieces(archive_toys.tree(leaves, rounds=rounds), archive_toys.compute,
                              client, output, on_result=lambda p, r: print(p.key, flush=True))
