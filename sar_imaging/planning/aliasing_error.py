@@ -31,12 +31,19 @@ def guard_taper(n: int, n_guard: float, beta: float) -> np.ndarray:
     (n,) float64. The rise is the integral of a Kaiser window of shape `beta`: its square root is
     the Kaiser-Bessel-derived window that filter banks know.
     """
-    t = np.linspace(-1, 1, 2001)
-    rise = np.cumsum(np.i0(beta * np.sqrt(1 - t ** 2)))
-    rise /= rise[-1]
+    t, rise = _kaiser_rise(beta)
     cell = np.arange(n)
     up, down = (np.interp(v / n_guard * 2 - 1, t, rise, 0.0, 1.0) for v in (cell, n - cell))
     return up * down
+
+
+@functools.lru_cache(maxsize=64)
+def _kaiser_rise(beta: float) -> tuple[np.ndarray, np.ndarray]:
+    """Places from -1 to 1, and the integral of a Kaiser window up to there, 0 to 1."""
+    t = np.linspace(-1, 1, 2001)
+    half = np.i0(beta * np.sqrt(1 - t[:1001] ** 2))  # it is symmetric
+    rise = np.cumsum(np.concatenate([half, half[-2::-1]]))
+    return t, rise / rise[-1]
 
 
 def cosine_fall(place) -> np.ndarray:
@@ -148,10 +155,11 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, p
     by_place = edge / len(where) * np.stack([
         (share * (nearest == number)) @ table for number in range(len(places))])
     weight = np.broadcast_to(weight, frequency.shape).reshape(-1, n_samples)
-    error = np.zeros_like(frequency)
+    error, width = 0.0, table.shape[1]
     for distance in (n - n // 2 - frequency, frequency + n // 2 + 1):  # from both ends
-        step = np.rint(distance * (_STEPS_PER_BIN * cells / n)).astype(int)
-        error += by_place[group, np.minimum(step, table.shape[1] - 1)]
+        distance *= _STEPS_PER_BIN * cells / n
+        step = np.minimum(np.rint(distance, out=distance), width - 1, out=distance).astype(np.intp)
+        error = error + by_place.take(step + group * width)
     by_sample = (weight * error.reshape(weight.shape)).sum(axis=0) / weight.sum(axis=0)
     return float((np.bincount(group, by_sample) / np.bincount(group)).sum())
 
@@ -217,20 +225,16 @@ def _correction_table(oversampling: float, taps: int, degree: int, n: int, n_gua
                       beta: float) -> np.ndarray:
     """(TONES, n) mean squared error of tones by the line before the place that is read."""
     between = design_interpolator(oversampling, taps=taps, degree=degree, deapodised=True)
-    taper, line = guard_taper(n, n_guard, beta), np.arange(n)
-    cycles = 0.5 * (np.arange(TONES) + 0.5) / TONES
+    line, cycles = np.arange(n), 0.5 * (np.arange(TONES) + 0.5) / TONES
     tones = np.exp(2j * np.pi * np.outer(cycles, line))
     # what is read less what would be if all lines were right
-    mixed = np.fft.ifft(between.gain(np.fft.fftfreq(n)) * np.fft.fft(taper * tones))
+    mixed = np.fft.ifft(between.gain(np.fft.fftfreq(n))
+                        * np.fft.fft(guard_taper(n, n_guard, beta) * tones))
     mixed -= between.gain(cycles)[:, None] * tones
     powers = ((np.arange(_BETWEEN) + 0.5) / _BETWEEN)[:, None] ** np.arange(len(between.weights))
-    error = np.zeros((TONES, n))
-    for weights in powers @ between.weights:
-        kernel = np.zeros(n)
-        np.add.at(kernel, -(between.first + np.arange(between.n_taps)) % n, weights)
-        read = np.fft.ifft(np.fft.fft(mixed) * np.fft.fft(kernel))
-        error += (read.real ** 2 + read.imag ** 2) / _BETWEEN
-    return error
+    neighbours = (line[:, None] + between.first + np.arange(between.n_taps)) % n
+    read = mixed[:, neighbours] @ (powers @ between.weights).T
+    return (read.real ** 2 + read.imag ** 2).mean(axis=-1)
 
 
 def taper_shape(n_guard: float, oversampling: float) -> float:

@@ -68,8 +68,15 @@ def azimuth_warnings(points_m, tx_m, rx_m, radar: RadarParameters,
     if len(apart) < 3:
         return ()
     sine = 0.5 * apart[:, None]
-    ends = [origin + range_m * (np.sqrt(1 - sine ** 2) * look + side * sine * across)
-            for side in (-1, 1)]
+    ends = np.stack([origin + range_m * (np.sqrt(1 - sine ** 2) * look + side * sine * across)
+                     for side in (-1, 1)])
+    # Where neighbouring echoes differ by less than half a cycle, sums follow the integral over
+    # the track, which has one lobe.
+    step = np.abs(np.diff(_apart(ends[:, -1:], tx_m[some], rx_m[some]), axis=0)).max()
+    first = max(0, math.floor(len(apart) * radar.wavelength_m / 4 / max(step, 1e-12)) - 1)
+    apart, ends = apart[first:], ends[:, first:]
+    if len(apart) < 3:
+        return ()
     level, n_cells = _ghosts(ends, tx_m[some], rx_m[some], np.gradient(along[some]), radar,
                              illumination and illumination.select(some))
     lobes = np.flatnonzero((level[1:-1] >= level[:-2]) & (level[1:-1] > level[2:])
@@ -95,13 +102,18 @@ def _beyond(direction, ranges) -> np.ndarray:
     return last[ranges] - direction
 
 
+def _apart(ends, tx_m, rx_m) -> np.ndarray:
+    """(R, N) by how much half paths to the first of two places, (2, N, 3), are longer, metres."""
+    return np.subtract(*(half_paths(tx_m, rx_m, end)[0] for end in ends))
+
+
 def _ghosts(ends, tx_m, rx_m, weight, radar, illumination) -> tuple[np.ndarray, np.ndarray]:
     """(N,) amplitudes at places (N, 3) of scatterers at others, and over how many ranges.
 
     They are relative to those at their own places, and at one wavelength: ranges that walk from
     echo to echo spread a ghost over ranges, other wavelengths over directions.
     """
-    apart = np.subtract(*(half_paths(tx_m, rx_m, end)[0] for end in ends))
+    apart = _apart(ends, tx_m, rx_m)
     weight = np.broadcast_to(weight[:, None], apart.shape)
     seen = there = np.ones(1)
     if illumination is not None:

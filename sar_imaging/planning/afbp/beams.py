@@ -314,6 +314,7 @@ BEYOND = 1  # beams beyond those that interpolation needs, for rounding
 OUTSIDE = BEAM_TAPS // 2 - 1 + BEYOND  # beams before the first direction of the grid
 _SPREAD_STEP = 1.02  # factors between one spread that is planned for and the next
 SLACK = 1.1  # sub-apertures that were not looked at may be as much worse
+_SURELY = 0.5  # of a bound
 _LEAST_UNEVEN = 1e-4  # wavelengths, which matters to no image
 _ARITHMETIC_DB = -80.0  # float32 phasors that turn from bin to bin (measured)
 
@@ -408,10 +409,27 @@ class BeamSampling:
         return counts | {'lit_image': n_images} if self.n_weighed else counts
 
 
-def least_operations(n_echoes: int, lattice: RangeResampling, n_pixels: int) -> dict[str, float]:
-    """What `BeamSampling.operations` is not below, whatever the sampling."""
-    return _operations(BEAM_TAPS + 2 * BEYOND, max(_GROUPS), True, max(_SEGMENTS), n_echoes,
-                       lattice, n_pixels)
+def least_operations(n_echoes: int, lattice: RangeResampling, n_pixels: int,
+                     n_needed: float) -> dict[str, float]:
+    """What `BeamSampling.operations` is not below, whatever the sampling.
+
+    `n_needed` is the number of beams that lie as far apart as the band of the echoes lets them.
+    """
+    n_beams = _n_beams(n_needed, 1 / _OVERSAMPLING[0])
+    return _operations(n_beams, max(_GROUPS), True, max(_SEGMENTS), n_echoes, lattice, n_pixels)
+
+
+def surely_bend(polar: PolarGrid, slope_m: float, radar: RadarParameters,
+                target_db: float) -> bool:
+    """Whether `plan_beams` surely finds that paths bend too much from range to range.
+
+    `slope_m` is the largest derivative of an echo's path by direction, metres. A lower bound of
+    the phase that is left of a bend, see `_view`, of echoes that lie evenly.
+    """
+    alpha = max(abs(polar.alpha_start), abs(polar.alpha[-1]))
+    nearer = 1 / polar.range_start_m - 1 / polar.range_m[-1]
+    bend = radar.wavenumber_rad_per_m * slope_m ** 2 * (1 - alpha ** 2) * nearer / 4
+    return _SURELY * bend ** 2 / 2 / 3 > 10 ** (target_db / 20)
 
 
 # The next three take numbers, or arrays that are broadcast together.
@@ -524,8 +542,11 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
                 + np.array([[1.0], [0.0]]) * shared[:, None, None] ** 2
                 + (expansion ** 2).sum(axis=0))
 
+    fine = [_between(i).interpolator.error_db <= target_db for i in range(len(_OVERSAMPLING))]
     for place in np.argsort(cost, axis=None, kind='stable'):
         i, group, alone, segment = np.unravel_index(place, cost.shape)
+        if not fine[i]:
+            continue
         error_db = total_db(10 * math.log10(errors(i)[group, alone, segment]), along.error_db,
                             _ARITHMETIC_DB)
         if error_db <= target_db:

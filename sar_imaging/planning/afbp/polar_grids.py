@@ -293,8 +293,7 @@ def map_density(polar: PolarGrid, cover: PolarCover) -> PixelDensity:
             for v in (cover.grid.x_m, cover.grid.y_m))
     r, alpha = polar.from_map(*(v.ravel() for v in np.meshgrid(x, y)))
     along_alpha, along_range = (
-        _COVERAGE_BINS / len(r)
-        * np.histogram((v - start) / (n * spacing), _COVERAGE_BINS, (0.0, 1.0))[0]
+        _COVERAGE_BINS / len(r) * _counts((v - start) / (n * spacing), _COVERAGE_BINS)
         for v, start, n, spacing in (
             (alpha, polar.alpha_start, polar.n_alpha, polar.alpha_spacing),
             (r, polar.range_start_m, polar.n_range, polar.range_spacing_m)))
@@ -302,6 +301,12 @@ def map_density(polar: PolarGrid, cover: PolarCover) -> PixelDensity:
     beside = math.ceil(_MIXED_LINES / polar.n_alpha * _COVERAGE_BINS)
     spread = np.convolve(along_alpha, np.full(2 * beside + 1, 1 / (2 * beside + 1)), 'same')
     return PixelDensity(spread / spread.mean(), along_range, cover.between, _tones(polar, cover))
+
+
+def _counts(place, n: int, weights=None) -> np.ndarray:
+    """(n,) how many of places, or their weights, lie in each of n equal parts from 0 to 1."""
+    part = np.floor(place * n).astype(np.intp).ravel() + 1  # of parts beside them, too
+    return np.bincount(np.clip(part, 0, n + 1, out=part), weights, n + 2)[1:-1]
 
 
 def _tones(polar: PolarGrid, cover: PolarCover) -> np.ndarray:
@@ -312,7 +317,7 @@ def _tones(polar: PolarGrid, cover: PolarCover) -> np.ndarray:
         even = (np.arange(TONES) < TONES / cover.between.oversampling).astype(float)
         return even / even.sum()
     weight = np.broadcast_to(cover.weight[0][:, None], cycles.shape)
-    power = np.histogram(cycles, TONES, (0.0, 0.5), weights=weight)[0]
+    power = _counts(cycles / 0.5, TONES, weight.ravel())
     return power / power.sum()
 
 

@@ -49,7 +49,7 @@ from ..profiles import (
     resampling_error_db,
 )
 from ..transform_lengths import quick_length, row_length
-from .beams import SLACK, BeamSampling, bins_per_run, least_operations, plan_beams
+from .beams import SLACK, BeamSampling, bins_per_run, least_operations, plan_beams, surely_bend
 from .lit_subapertures import AmplitudeNodes, LitError, LitSubapertures, amplitude_nodes
 from .polar_grids import FusionSizes, UnifiedPolarGrids, map_density
 
@@ -204,7 +204,10 @@ _GAP = 4.0  # times the usual distance between pulses
 _STANDS = 0.1  # of the mean distance, at which a platform stands still
 _OVERSAMPLING = (1.1, 1.15, 1.2, 1.25, 1.3, 1.4, 1.6, 1.8, 2.0, 2.3, 2.7, 3.2)
 _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
-_AHEAD = (4, 2, 1, 0)  # choices to look ahead in both
+# By how much an error falls at most with each unit of the taper's shape (that of the Kaiser
+# window's own lobes falls by 8.7 dB), and how unlike errors of tapers of one shape are
+_FALL_DB, _UNLIKE_DB = 12.0, 4.0
+_BOUND = 0.95  # of what rounding to quick lengths may save
 _LEAST_RANGE_GUARD = 16
 _WIDE_GUARD = 3.0  # times those along direction: there the error is far less
 _NEARER = (0.7, 0.9)  # shares of the furthest distance from the centre, which are told apart
@@ -270,6 +273,7 @@ class Sampling:
     error_db: float = math.nan
 
 
+@dataclasses.dataclass(frozen=True)
 class _Cut:
     """One cut into sub-apertures, with the sizes of all oversamplings and guards.
 
@@ -277,15 +281,49 @@ class _Cut:
     sub-apertures; ratio and coverage as of `choose_sampling`.
     """
 
-    def __init__(self, polar: PolarGrid, ratio, pulses, centre, half: float, power, coverage):
-        self.pulses, furthest = pulses, float(np.abs(centre).max())
-        n_even = float((power.sum(axis=1) ** 2 / (power ** 2).sum(axis=1)).min())
-        self.samplings = [
-            Sampling(pulses, centre, _sizes(polar, ratio, furthest, max(half, 1e-9), *choice),
-                     coverage, n_even) for choice in itertools.product(_OVERSAMPLING, _GUARDS)]
-        sizes, model = [s.sizes for s in self.samplings], costs()
-        self.n_pixels = np.array([s.n_coarse * s.n_coarse_range for s in sizes])
-        self.fusion_cost = np.array([model.nanoseconds(s.operations(len(pulses))) for s in sizes])
+    polar: PolarGrid
+    ratio: tuple[int, int]
+    pulses: tuple[slice, ...]
+    centre: np.ndarray
+    half: float
+    power: np.ndarray
+    coverage: PixelDensity
+
+    @functools.cached_property
+    def sizes(self) -> list[FusionSizes]:
+        """Those of all choices."""
+        return [self._sizes(*choice) for choice in itertools.product(_OVERSAMPLING, _GUARDS)]
+
+    def sampling(self, place: int) -> Sampling:
+        """That of one choice."""
+        n_even = float((self.power.sum(axis=1) ** 2 / (self.power ** 2).sum(axis=1)).min())
+        return Sampling(self.pulses, self.centre, self.sizes[place], self.coverage, n_even)
+
+    def costs(self, first_stage: SubapertureCost) -> np.ndarray:
+        """Nanoseconds of all choices."""
+        n_coarse, n_fine = _n_pixels(self.sizes)
+        return (self._fusion_cost(n_coarse, n_fine)
+                + first_stage.cost(self.pulses, self.half, n_coarse))
+
+    def least_cost(self, first_stage: SubapertureCost) -> float:
+        """About the least of `costs`, or less; found much more quickly."""
+        n_coarse, n_fine = _n_pixels([self._sizes(_OVERSAMPLING[0], _GUARDS[0])])
+        return _BOUND * (self._fusion_cost(n_coarse, n_fine) + first_stage.least_cost(
+            self.pulses, self.half, n_coarse)).item()
+
+    def _sizes(self, *choice) -> FusionSizes:
+        return _sizes(self.polar, self.ratio, float(np.abs(self.centre).max()),
+                      max(self.half, 1e-9), *choice)
+
+    def _fusion_cost(self, n_coarse, n_fine):
+        n = len(self.pulses)
+        return costs().nanoseconds({'subaperture': n, 'coarse_pixel': n * n_coarse,
+                                    'fine_pixel': n_fine})
+
+
+def _n_pixels(sizes: list[FusionSizes]) -> np.ndarray:
+    """(2, K) int64 pixels of a sub-aperture image, and of the fused one."""
+    return np.array([(s.n_coarse * s.n_coarse_range, s.n_fine * s.n_fine_range) for s in sizes]).T
 
 
 def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
@@ -331,50 +369,40 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
 
     @functools.cache
     def some_echoes(cut):
-        return _echoes_for_error(cuts[cut].samplings[0], bands, n_channels)
+        return _echoes_for_error(cuts[cut].sampling(0), bands, n_channels)
 
     @functools.cache
-    def error_db(cut, i, j):
-        sampling = cuts[cut].samplings[i * n_j + j]
-        return 10 * math.log10(fusion_error(sampling, bands, *some_echoes(cut)) + 1e-16)
+    def error_db(cut, sizes):
+        found = dataclasses.replace(cuts[cut].sampling(0), sizes=sizes)
+        return 10 * math.log10(fusion_error(found, bands, *some_echoes(cut)) + 1e-16)
 
-    n_i, n_j = len(_OVERSAMPLING), len(_GUARDS)
-    fine, failed = np.zeros((2, len(cuts), n_i, n_j), bool)
+    failed = np.zeros((len(cuts), len(_OVERSAMPLING), len(_GUARDS)), bool)
+    flattest = 0.0
     for cut, place in _by_cost(cuts, first_stage):
-        (i, j), found = divmod(place, n_j), cuts[cut].samplings[place]
-        if not _on_plane(found.sizes):
+        (i, j), sizes = divmod(place, len(_GUARDS)), cuts[cut].sizes[place]
+        if failed[cut, i, j] or sizes.beta < flattest or not _on_plane(sizes):
             continue
-        # What fails with wider guards and finer sampling fails with less: most choices fall with
-        # a few others far ahead.
-        for ahead in _AHEAD:
-            if failed[cut, i, j]:
-                break
-            a, b = min(i + ahead, n_i - 1), min(j + ahead, n_j - 1)
-            if ahead and fine[cut, a, b]:
-                continue
-            if error_db(cut, a, b) <= target_db:
-                fine[cut, a:, b:] = True
-            else:
-                failed[cut, :a + 1, :b + 1] = True
-        if not failed[cut, i, j]:
-            return dataclasses.replace(found, error_db=error_db(cut, i, j))
+        found_db = error_db(cut, sizes)
+        if found_db <= target_db:
+            return dataclasses.replace(cuts[cut].sampling(place), error_db=found_db)
+        # What fails with wider guards and finer sampling fails with less of both.
+        failed[cut, :i + 1, :j + 1] = True
+        if found_db < 0:  # bands fit
+            flattest = max(flattest, sizes.beta + (found_db - target_db - _UNLIKE_DB) / _FALL_DB)
     return None
 
 
 def _by_cost(cuts: list[_Cut], first_stage: SubapertureCost) -> Iterator[tuple[int, int]]:
     """Cuts and their choices from the quickest on; beams are planned for few of the cuts."""
-    queue = [((cut.fusion_cost + first_stage.least_cost(cut.pulses, cut.n_pixels)).min(),
-              number, -1) for number, cut in enumerate(cuts)]
+    queue = [(cut.least_cost(first_stage), number, -1) for number, cut in enumerate(cuts)]
     heapq.heapify(queue)
     while queue:
         _, number, place = heapq.heappop(queue)
         if place >= 0:
             yield number, place
             continue
-        cut = cuts[number]
-        whole = cut.fusion_cost + first_stage.cost(cut.pulses, cut.n_pixels)
-        for found in zip(whole, [number] * len(whole), range(len(whole)), strict=True):
-            heapq.heappush(queue, found)
+        for place, cost in enumerate(cuts[number].costs(first_stage).tolist()):
+            heapq.heappush(queue, (cost, number, place))
 
 
 def _sizes(polar, ratio, furthest, half, oversampling, n_guard) -> FusionSizes:
@@ -513,18 +541,26 @@ class SubapertureCost:
     padding_m: float
     n_weighed: Callable[[Sequence[slice]], int | None] = lambda pulses: 0
 
-    def cost(self, pulses, n_pixels) -> np.ndarray:
+    def cost(self, pulses, half: float, n_pixels) -> np.ndarray:
         """(K,) nanoseconds of all images of a cut into sub-apertures of about equally many pulses.
 
-        `pulses` are their slices, `n_pixels`, (K,), the pixels of each image.
+        `pulses` are their slices, `n_pixels`, (K,), the pixels of each image, `half` half the
+        widest band along direction, rad.
         """
         length = pulses[0].stop - pulses[0].start
-        return len(pulses) * np.minimum(*self._costs(self._beams(pulses), length, n_pixels))
+        beams = None if self._bends(half) else self._beams(pulses)
+        return len(pulses) * np.minimum(*self._costs(beams, length, n_pixels))
 
-    def least_cost(self, pulses, n_pixels) -> np.ndarray:
+    def _bends(self, half: float) -> bool:
+        """Whether the paths of a band so wide surely depend on range too much for beams."""
+        return surely_bend(self.grid, half / self.radar.wavenumbers_rad_per_m[1], self.radar,
+                           self.target_db)
+
+    def least_cost(self, pulses, half: float, n_pixels) -> np.ndarray:
         """What `cost` is not below, whatever the beams; found much more quickly."""
         n_echoes = (pulses[0].stop - pulses[0].start) * self.tx_m.shape[1]
-        from_beams = costs().nanoseconds(least_operations(n_echoes, self.lattice, n_pixels))
+        from_beams = math.inf if self._bends(half) else costs().nanoseconds(least_operations(
+            n_echoes, self.lattice, n_pixels, self.span * half / math.pi))
         return len(pulses) * np.minimum(n_echoes * self.lattice.cost * n_pixels, from_beams)
 
     def choose_beams(self, pulses) -> BeamSampling | None:
