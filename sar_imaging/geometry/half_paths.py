@@ -68,19 +68,8 @@ def sample_paths(tx_m, rx_m, line) -> Paths:
     `line` holds points (S, 3), metres, and their first to at most fourth derivative along the
     line; the others are zero.
     """
-    position, first, second, third, fourth = _five(line)
-
-    def dot(a, b):
-        return np.einsum('sk,sk->s', a, b)
-
-    total = 0.0
-    centres = _distinct(tx_m, rx_m)
-    for centre in centres:
-        offset = position - np.asarray(centre)[:, None, :]
-        d = np.maximum(np.sqrt(np.einsum('rsk,rsk->rs', offset, offset)), _NEAREST_M)
-        total = total + _distances(d, [np.einsum('rsk,sk->rs', offset, v) for v in (
-            first, second, third, fourth)], first, second, third, dot) / len(centres)
-    return Paths(total[0], tuple(total[1:]))
+    found = _paths([np.asarray(c)[:, None] for c in _distinct(tx_m, rx_m)], line)
+    return Paths(found[0], tuple(found[1:]))
 
 
 def pair_paths(tx_m, rx_m, line) -> np.ndarray:
@@ -88,19 +77,7 @@ def pair_paths(tx_m, rx_m, line) -> np.ndarray:
 
     Centres in metres; `line` as of `sample_paths`, of n points.
     """
-    position, first, second, third, fourth = _five(line)
-
-    def dot(a, b):
-        return np.einsum('nk,nk->n', a, b)
-
-    total = 0.0
-    centres = _distinct(tx_m, rx_m)
-    for centre in centres:
-        offset = position - centre
-        d = np.maximum(np.sqrt(dot(offset, offset)), _NEAREST_M)
-        total = total + _distances(d, [dot(offset, v) for v in (first, second, third, fourth)],
-                                   first, second, third, dot) / len(centres)
-    return total
+    return np.stack(_paths(_distinct(tx_m, rx_m), line))
 
 
 def pair_lengths(tx_m, rx_m, points_m) -> np.ndarray:
@@ -110,23 +87,31 @@ def pair_lengths(tx_m, rx_m, points_m) -> np.ndarray:
     return sum(np.linalg.norm(points_m - c[between], axis=-1) for c in centres) / len(centres)
 
 
-def _five(line) -> tuple[np.ndarray, ...]:
-    """Points and four derivatives, (S, 3) each, of which the last ones may be left out."""
-    return (*line, *[np.zeros_like(line[0])] * (5 - len(line)))
+def _paths(centres, line) -> list[np.ndarray]:
+    """Mean distance from centres, (..., 3) each, to points of lines, and its four derivatives.
 
-
-def _distances(d, along, first, second, third, dot) -> np.ndarray:
-    """(5, ...) distances and their derivatives, by Leibniz' rule for the square of the distance.
-
-    `along` are the products of the offset with the four derivatives of the position.
+    By Leibniz' rule for the square of the distance. Coordinates are taken one after the other:
+    each array is as large as the result.
     """
-    p1, p2, p3, p4 = along
-    d1 = p1 / d
-    d2 = (dot(first, first) + p2 - d1 ** 2) / d
-    d3 = (3 * dot(first, second) + p3 - 3 * d1 * d2) / d
-    d4 = (3 * dot(second, second) + 4 * dot(first, third) + p4 - 4 * d1 * d3
-          - 3 * d2 ** 2) / d
-    return np.stack([d, d1, d2, d3, d4])
+    derivatives = [np.asarray(v).T for v in line[1:]]
+
+    def square(i, j):
+        return (sum(a * b for a, b in zip(derivatives[i], derivatives[j], strict=True))
+                if max(i, j) < len(derivatives) else 0.0)
+
+    total = None
+    for centre in centres:
+        offset = [x - c for x, c in zip(line[0].T, np.moveaxis(centre, -1, 0), strict=True)]
+        d = np.maximum(np.sqrt(sum(o * o for o in offset)), _NEAREST_M)
+        p1, p2, p3, p4 = (*(sum(o * x for o, x in zip(offset, v, strict=True))
+                            for v in derivatives), *[0.0] * (4 - len(derivatives)))
+        d1 = p1 / d
+        d2 = (square(0, 0) + p2 - d1 * d1) / d
+        d3 = (3 * square(0, 1) + p3 - 3 * d1 * d2) / d
+        d4 = (3 * square(1, 1) + 4 * square(0, 2) + p4 - 4 * d1 * d3 - 3 * d2 * d2) / d
+        found = [d, d1, d2, d3, d4]
+        total = found if total is None else [a + b for a, b in zip(total, found, strict=True)]
+    return total if len(centres) == 1 else [v / len(centres) for v in total]
 
 
 def _distinct(tx_m, rx_m) -> list:

@@ -30,7 +30,7 @@ _ROUNDS = 40  # of weights and gains in turn
 _GAIN_STEP = 1e-3  # cycles per sample, for derivatives
 _OVERSAMPLING_STEP, _MOST_OVERSAMPLING = 0.02, 4.0  # to choose from
 _DRIFTS = 9  # of a table of errors
-_COARSER = 4  # a table of errors than that of gains
+_COARSER = 4  # frequencies at which errors are computed than those of tables
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,7 +91,11 @@ class Interpolator:
 
         Cycles per sample; 2 where one is beyond what samples can hold.
         """
-        return np.interp(np.abs(frequency), _frequencies()[::_COARSER], self._errors, right=2.0)
+        place = np.abs(frequency)
+        place *= 2 * (len(self._errors) - 2)
+        place += 0.5
+        last = len(self._errors) - 1
+        return self._errors.take(np.minimum(place, last, out=place).astype(np.intp))
 
     def mean_error_db(self, frequency, weight) -> float:
         """Mean error of K wavenumbers, R echoes and S places, dB.
@@ -140,11 +144,13 @@ class Interpolator:
 
     @functools.cached_property
     def _errors(self) -> np.ndarray:
-        """Of every `_COARSER`-th of `_frequencies`."""
-        read, wanted = self._read(_frequencies()[::_COARSER])
+        """Of `_frequencies`, and of what is beyond."""
+        some = _frequencies()[::_COARSER]
+        read, wanted = self._read(some)
         if self.deapodised:
             read *= np.exp(self._log_gain[::_COARSER])[:, None]
-        return np.sum((read - wanted) ** 2, axis=0) @ (0.5 * _nodes()[1])
+        error = np.sum((read - wanted) ** 2, axis=0) @ (0.5 * _nodes()[1])
+        return np.append(np.interp(_frequencies(), some, error), 2.0)
 
     def _read(self, frequency, position=None) -> tuple[np.ndarray, np.ndarray]:
         """Tones as read at positions, those of the quadrature if left out, and as they are.
@@ -225,7 +231,7 @@ def _design(oversampling, margin, taps, degree, deapodised):
 
 @functools.cache
 def _frequencies() -> np.ndarray:
-    """Of tables, cycles per sample: reading them linearly adds 1e-6."""
+    """Of tables, cycles per sample: reading gains linearly adds 1e-6."""
     return np.linspace(0, 0.5, 4097)
 
 
@@ -275,14 +281,15 @@ def sufficient_interpolators(error_db: float, **kind) -> Iterator[Interpolator]:
             yield found
 
 
-def fitting_interpolator(frequency, weight, wanted_db: float, **kind
+def fitting_interpolator(frequency, weight, half: float, wanted_db: float, **kind
                          ) -> tuple[Interpolator | None, float]:
     """Interpolator for the coarsest sampling that reads frequencies well, and its mean error, dB.
 
     `frequency` and `weight` as of `Interpolator.mean_error_db`, but radians per unit of place:
-    samples lie ``pi / oversampling`` over the highest apart. None where no sampling will do.
+    samples lie ``pi / oversampling`` over the highest, `half`, apart. None where no sampling will
+    do.
     """
-    half = max(float(np.abs(frequency).max()), 1e-12)
+    half = max(half, 1e-12)
     for found in sufficient_interpolators(wanted_db, **kind):
         error_db = found.mean_error_db(frequency / (2 * half * found.oversampling), weight)
         if error_db <= wanted_db:  # much of the power may lie where the band ends

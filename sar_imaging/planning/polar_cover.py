@@ -19,7 +19,7 @@ from ..geometry.polar import EDGE_SAMPLES, PolarGrid, edge_positions
 from ..geometry.track import side_of, track_beside
 from ..signal.radar import RadarParameters
 from .aliasing_error import TAPERS_NEEDED, used_share
-from .echo_power import echo_powers, spread_frequencies, tail_error
+from .echo_power import echo_powers, some_of, spread_frequencies, tail_error
 from .interpolators import Interpolator, fitting_interpolator
 from .plan import total_db
 from .profiles import RangeGate, RangeResampling, plan_resampling
@@ -48,6 +48,7 @@ def range_axis(polar: PolarGrid, grid: MapGrid) -> int:
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _WAVENUMBERS = 7  # of the band
+_ECHOES_FOR_ERRORS = 512  # enough for means
 _SLACK = 1.01  # frequencies between samples of the map, and beside it
 _RANGE_RATIOS = (2, 3), (5, 7), (3, 4), (4, 5), (5, 6), (7, 8), (9, 10)
 
@@ -152,24 +153,29 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     # along a line of the map the direction changes with range, too
     step = (lines[0][:, axis] - frame.origin_m[axis]) / r
     alpha_by_range = (frame.track[axis] / step - alpha) / r
-    # of wavenumbers, echoes and samples of the map
-    k = np.linspace(*radar.wavenumbers_rad_per_m, _WAVENUMBERS)[:, None, None]
-    along_range = k * (slope + slope_alpha * alpha_by_range) - radar.wavenumber_rad_per_m
-    along_alpha = k * slope_alpha
+    slope_line = slope + slope_alpha * alpha_by_range
     if paths.lit is not None:
-        along_range, along_alpha = (paths.with_lit(v) for v in (along_range, along_alpha))
-        slope, slope_alpha = paths.with_lit(slope), paths.of_lit_rows(slope_alpha)
-    even, along_alpha = along_alpha, spread_frequencies(along_alpha, spread.rms)
+        slope_line, slope = paths.with_lit(slope_line), paths.with_lit(slope)
+        slope_alpha, of_lit = paths.of_lit_rows(slope_alpha), paths.with_lit(slope_alpha)
+    else:
+        of_lit = slope_alpha
+    ends = np.array(radar.wavenumbers_rad_per_m)
+    half_range = float(np.abs(np.multiply.outer(ends, [slope_line.min(), slope_line.max()])
+                              - radar.wavenumber_rad_per_m).max())
+    half_alpha = float(np.abs(of_lit).max() * ends[1]) + math.sqrt(3) * spread.rms
+    # of wavenumbers, some echoes and samples of the map
+    some = some_of(len(tx_m), _ECHOES_FOR_ERRORS)
+    k = np.linspace(*ends, _WAVENUMBERS)[:, None, None]
+    even, along_range = k * of_lit[some], k * slope_line[some] - radar.wavenumber_rad_per_m
     weight = echo_powers(tx_m, rx_m, grid.centre_m, grid.spacing_m * np.array(
         [[grid.n_x, 0, 0], [0, grid.n_y, 0]]), radar)
     between, between_db = fitting_interpolator(
-        along_alpha, weight, resampling_db, taps=DEAPODISED_TAPS if fused else TAPS,
-        degree=DEGREE, deapodised=fused)
-    along, along_db = fitting_interpolator(along_range, weight, resampling_db, taps=TAPS,
-                                           degree=DEGREE)
+        spread_frequencies(even, spread.rms), weight[:, some], half_alpha, resampling_db,
+        taps=DEAPODISED_TAPS if fused else TAPS, degree=DEGREE, deapodised=fused)
+    along, along_db = fitting_interpolator(along_range, weight[:, some], half_range,
+                                           resampling_db, taps=TAPS, degree=DEGREE)
     if between is None or along is None:
         return None
-    half_alpha, half_range = (float(np.abs(f).max()) for f in (along_alpha, along_range))
     spacing, ratio = math.pi / (half_range * along.oversampling) * 0.999, (1, 1)
     if fused:
         spacing, ratio = _ranges_for_fusion(spacing, extent, radar, slope)
@@ -191,7 +197,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         return None
     if spread.rms:
         tail = tail_error(spread, even, lambda f: between.error_at(
-            f * (polar.alpha_spacing / (2 * math.pi))))
+            f * (polar.alpha_spacing / (2 * math.pi))), some)
         between_db = 10 * math.log10(10 ** (between_db / 10) + tail)
     return PolarCover(grid, polar, ratio, lattice, window, range_m, axis, between, along,
                       slope_alpha, weight, between_db, along_db, window.mean_end_error_db(

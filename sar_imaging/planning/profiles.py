@@ -24,6 +24,7 @@ from ..signal.radar import RadarParameters, Waveform
 from ..signal.windows import window as window_weights
 from .aliasing_error import cosine_fall, guard_taper
 from .costs import costs
+from .echo_power import some_of
 from .interpolators import LEAST_MARGIN, LINE_DEGREE, Interpolator, design_interpolator
 from .plan import total_db
 from .transform_lengths import cost_per_sample, smooth_lengths
@@ -155,6 +156,7 @@ _REACH = 24.0
 _TAPER_SHARE, _TAPER_SHAPE = 0.3, 4.0  # of these samples: longer tapers begin too near
 _TONES, _LONGEST = 8, 2048  # in the band, and samples of a table of errors
 _SERIES_SHARPNESS = math.asinh(10 ** (130 / 20)) / math.pi
+_ECHOES_FOR_ENDS = 512  # enough for means
 _WORTHWHILE = 0.9  # longer windows are not worth a copy
 
 
@@ -260,8 +262,10 @@ class RangeGate:
         side = np.ones(round(range_m.shape[1] ** (1 / n_axes)))
         side[[0, -1]] = 0.5  # they stand for half as much of the image
         weight = functools.reduce(np.multiply.outer, [side] * n_axes).ravel()
-        return mean_db(self.end_error(range_m, oversampling),
-                       weight * lit * (self.predictable(range_m, lit) | ~lit).all(axis=0))
+        weight = weight * lit * (self.predictable(range_m, lit) | ~lit).all(axis=0)
+        some = some_of(len(range_m), _ECHOES_FOR_ENDS)
+        return mean_db(self.end_error(range_m[some], oversampling),
+                       weight if weight.ndim == 1 else weight[some])
 
     def gain(self, n_padded: int, oversampling: float = math.inf) -> np.ndarray:
         """(n_padded,) float32 factor of each bin of a spectrum on the way back to ranges.
@@ -380,6 +384,11 @@ class RangeResampling:
         counts |= ({'line_pixel': n_pixels, 'line_segment': n_pixels / self.segment}
                    if self.segment else {'point_pixel': n_pixels})
         return {name: n_echoes * n for name, n in counts.items()}
+
+
+def least_cost() -> float:
+    """Nanoseconds per pixel and echo that no lines are below."""
+    return costs().line_pixel + costs().line_segment / _SEGMENTS[0]
 
 
 def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParameters,
@@ -510,8 +519,9 @@ def _expansion_errors(paths, radar):
     band = radar.half_band_rad_per_m / math.sqrt(3)
     a, b, c = (k * d / math.factorial(n + 1)
                for n, d in enumerate(_from_shared(paths)[:3]))
-    quartic = np.hypot(a ** 4 / 24 - b ** 2 / 2 - a * c, a ** 2 * b / 2) / 8 / math.sqrt(2)
-    quintic = np.hypot(a ** 3 * b / 6, a ** 5 / 120 - a * b ** 2 / 2 - a ** 2 * c / 2) / 4
+    a2, b2 = a * a, b * b
+    quartic = np.hypot(a2 * a2 / 24 - b2 / 2 - a * c, a2 * b / 2) / 8 / math.sqrt(2)
+    quintic = np.hypot(a2 * a * b / 6, a2 * a2 * a / 120 - a * b2 / 2 - a2 * c / 2) / 4
     third, fourth = (_rms(paths.of_lit(d)) for d in paths.derivatives[2:])
     return ((3, band / math.sqrt(7) / 6 * third), (4, k / 3 / 24 * fourth), (4, _rms(quartic)),
             (5, _rms(quintic)))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...geometry.grids import EvenGrid, MapGrid, even_positions
-from ...geometry.half_paths import sample_paths
+from ...geometry.half_paths import Paths, half_paths, sample_paths
 from ...geometry.illumination import Illumination
 from ...signal.radar import RadarParameters
 from ..ambiguities import azimuth_warnings
@@ -26,7 +26,7 @@ from ..profiles import (
     RangeResampling,
     check_reach,
     covered_ranges,
-    plan_point_resampling,
+    least_cost,
     plan_resampling,
     reach_warnings,
     some_pixels,
@@ -60,8 +60,8 @@ class GridLines:
         its middle axis.
     layers_together : int
         Number of layers of the grid, in such a layer.
-    paths : Paths
-        Half paths to some of the pixels, with derivatives by the pixel number.
+    range_m : (float, float)
+        Bounds of the half paths to all pixels, metres.
     """
 
     def __init__(self, grid: EvenGrid, tx_m, rx_m, illumination: Illumination | None = None):
@@ -73,21 +73,20 @@ class GridLines:
         shape = (1,) * (3 - n_axes) + grid.shape
         steps = np.concatenate([np.zeros((3 - n_axes, 3)), grid.steps_m])
         axes = range(3 - n_axes, 3)
-        paths = {a: sample_paths(tx_m, rx_m, (points, np.broadcast_to(steps[a], points.shape)))
-                 for a in axes}
-        if illumination is not None:
-            paths = {a: illumination.of_paths(p, points) for a, p in paths.items()}
-        slopes = {a: p.of_lit(p.derivatives[0]) for a, p in paths.items()}
+        length, *by_axis = half_paths(tx_m, rx_m, points, *(
+            np.broadcast_to(steps[a], points.shape) for a in axes))
+        by_axis = dict(zip(axes, by_axis, strict=True))
+        lit = None if illumination is None else illumination.lights(points)
+        slopes = by_axis if lit is None else {a: s[lit] for a, s in by_axis.items()}
         least = {a: np.abs(s).min() if s.min() > 0 or s.max() < 0 else -1.0
                  for a, s in slopes.items()}
         axis = max(reversed(axes), key=least.get)  # the last one, where they are alike
         forward = bool(slopes[axis].mean() >= 0)
         self.n_pixels = shape[axis]
-        self.paths = paths[axis] if forward else paths[axis].reversed()
-        length = self.paths.length
+        self._points = points
         may = illumination and illumination.may_light(points, (n,) * n_axes)
         if may is not None:  # of cells, of which parts may be lit, all corners
-            length, slopes = length[may], {a: p.derivatives[0][may] for a, p in paths.items()}
+            length, slopes = length[may], {a: s[may] for a, s in by_axis.items()}
         # Range is monotonic along lines; between sampled lines it changes by at most its slope.
         beside = sum(np.abs(slopes[a]).max() * (shape[a] / (n - 1) / 2 + 1)
                      for a in axes if a != axis or least[axis] < 0)
@@ -106,6 +105,12 @@ class GridLines:
         self.layers_together = self.n_lines // self._lines_per_layer
         self.layouts = np.array([[self.n_lines, first + i * floats[layer], floats[line], pixel, 1]
                                  for i in range(n_layers)])
+
+    def paths(self, tx_m, rx_m, illumination: Illumination | None = None) -> Paths:
+        """Half paths to some of the pixels, with derivatives by the pixel number."""
+        points = self._points
+        found = sample_paths(tx_m, rx_m, (points, np.broadcast_to(self._along, points.shape)))
+        return found if illumination is None else illumination.of_paths(found, points)
 
     def locate(self, layer: int):
         """Function that gives positions and derivatives of a layer for `line_middles`."""
@@ -257,29 +262,39 @@ def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination):
     """Bounds of the half path, and the quickest route."""
     lines = GridLines(grid, tx_m, rx_m, illumination)
     check_reach(lines.range_m, radar, n_samples)
-    window = RangeGate.around(radar, n_samples, lines.range_m)
-    lattice = plan_resampling(lines.paths, 1.0, lines.n_pixels, radar, window.n_samples, target_db)
-    route, lit, more, share = None, None, {}, 1.0
-    cost = plan_point_resampling(radar, n_samples, target_db).cost * len(tx_m)
-    if lattice is not None and illumination is not None:
-        from .illumination import plan_lit_lines
-
-        lattice, lit, more = plan_lit_lines(illumination, lines, tx_m, rx_m, radar, window,
-                                            lattice, target_db)
-        share = 1.0 if lit is None else lit.share
-    if lattice is not None and lattice.cost * len(tx_m) < cost:
-        cost = lattice.cost * len(tx_m) * share
-        errors = {'range profiles': lattice.predicted_error_db,
-                  'ends of profiles': window.mean_end_error_db(
-                      lines.paths.length, len(grid.shape), lattice.oversampling(radar)), **more}
-        route = LinePlan(lines, window, lattice, errors, cost, lit)
+    where = radar, n_samples, tx_m, rx_m
+    route, cost = None, costs().point_pixel * len(tx_m)
     # Polar images lie on horizontal planes, and cannot pay for fewer pulses.
     if isinstance(grid, MapGrid) and cost > costs().map_pixel:
         polar = plan_polar(grid, tx_m, rx_m, radar, n_samples, target_db, illumination)
         if polar is not None and polar.cost < cost and (
                 illumination is None or total_db(*polar.errors_db.values()) <= target_db):
-            route = polar
+            route, cost = polar, polar.cost
+    if illumination is not None or least_cost() * len(tx_m) < cost:
+        along = _plan_lines(lines, *where, len(grid.shape), target_db, illumination)
+        if along is not None and along.cost < cost:
+            route = along
     if route is None:
-        route = plan_even_points(grid, radar, n_samples, tx_m, rx_m, lines.range_m, target_db,
-                               illumination=illumination)
+        route = plan_even_points(grid, *where, lines.range_m, target_db, illumination=illumination)
     return lines.range_m, route
+
+
+def _plan_lines(lines, radar, n_samples, tx_m, rx_m, n_axes, target_db, illumination
+                ) -> LinePlan | None:
+    """Plan along lines; None where range does not follow them, or points are as quick."""
+    window = RangeGate.around(radar, n_samples, lines.range_m)
+    paths = lines.paths(tx_m, rx_m, illumination)
+    lattice = plan_resampling(paths, 1.0, lines.n_pixels, radar, window.n_samples, target_db)
+    lit, more = None, {}
+    if lattice is not None and illumination is not None:
+        from .illumination import plan_lit_lines
+
+        lattice, lit, more = plan_lit_lines(illumination, lines, tx_m, rx_m, radar, window,
+                                            lattice, target_db)
+    if lattice is None or lattice.cost >= costs().point_pixel:
+        return None
+    errors = {'range profiles': lattice.predicted_error_db,
+              'ends of profiles': window.mean_end_error_db(
+                  paths.length, n_axes, lattice.oversampling(radar)), **more}
+    share = 1.0 if lit is None else lit.share
+    return LinePlan(lines, window, lattice, errors, lattice.cost * len(tx_m) * share, lit)

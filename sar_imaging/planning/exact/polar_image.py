@@ -26,7 +26,7 @@ from ...geometry.polar import PolarGrid
 from ...memory import IMAGE_BYTES
 from ...signal.radar import RadarParameters
 from ..costs import costs
-from ..echo_power import spread_frequencies, tail_error
+from ..echo_power import some_of, spread_frequencies, tail_error
 from ..interpolators import Interpolator, sufficient_interpolators
 from ..plan import EXACT_SHARES, PASSES_DB, Plan, error_budget
 from ..polar_cover import PolarCover, cover_map
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 TAPS, DEGREE = 10, 5
 _LEAST_ECHOES = 4  # in a part
-_WAVENUMBERS = 5  # of the band, at which errors are looked up
+_WAVENUMBERS, _ECHOES_FOR_ERRORS = 5, 512  # at which errors are looked up, of the band and in all
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,13 +113,15 @@ def _quickest_parts(cover: PolarCover, interpolator: Interpolator) -> AzimuthPar
 
 def _interpolation_db(parts: AzimuthParts, cover: PolarCover) -> float:
     """Mean error at the frequencies of the echoes, seen from the middle of their part's band."""
-    middle = np.repeat(parts.frequency, [echoes.stop - echoes.start for echoes in parts.echoes])
+    some = some_of(len(cover.slope_alpha), _ECHOES_FOR_ERRORS)
+    middle = np.repeat(parts.frequency, [e.stop - e.start for e in parts.echoes])[some]
     k = np.linspace(*cover.window.radar.wavenumbers_rad_per_m, _WAVENUMBERS)[:, None, None]
     per_radian = parts.coarse.alpha_spacing / (2 * math.pi)
-    even = k * cover.slope_alpha - middle[:, None]
+    even = k * cover.slope_alpha[some] - middle[:, None]
     error_db = parts.interpolator.mean_error_db(
-        spread_frequencies(even, cover.spread.rms) * per_radian, cover.weight)
-    tail = tail_error(cover.spread, even, lambda f: parts.interpolator.error_at(f * per_radian))
+        spread_frequencies(even, cover.spread.rms) * per_radian, cover.weight[:, some])
+    tail = tail_error(cover.spread, even, lambda f: parts.interpolator.error_at(f * per_radian),
+                      some)
     return 10 * math.log10(10 ** (error_db / 10) + tail) if tail else error_db
 
 
