@@ -155,11 +155,13 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, p
     by_place = edge / len(where) * np.stack([
         (share * (nearest == number)) @ table for number in range(len(places))])
     weight = np.broadcast_to(weight, frequency.shape).reshape(-1, n_samples)
-    error, width = 0.0, table.shape[1]
-    for distance in (n - n // 2 - frequency, frequency + n // 2 + 1):  # from both ends
-        distance *= _STEPS_PER_BIN * cells / n
-        step = np.minimum(np.rint(distance, out=distance), width - 1, out=distance).astype(np.intp)
-        error = error + by_place.take(step + group * width)
+    # Of both ends: the other one lies n + 1 bins from the first.
+    scale, last = _STEPS_PER_BIN * cells / n, table.shape[1] - 1
+    other = np.clip(round((n + 1) * scale) - np.arange(last + 1), 0, last)
+    by_place = by_place + by_place[:, other]
+    step = (n - n // 2 - frequency) * scale
+    step = np.minimum(np.rint(step, out=step), last, out=step).astype(np.intp)
+    error = by_place.take(step + group * (last + 1))
     by_sample = (weight * error.reshape(weight.shape)).sum(axis=0) / weight.sum(axis=0)
     return float((np.bincount(group, by_sample) / np.bincount(group)).sum())
 

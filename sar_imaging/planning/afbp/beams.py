@@ -55,15 +55,6 @@ class BeamGain:
     log_gain: np.ndarray
     power: np.ndarray
 
-    def at(self, frequency, table) -> np.ndarray:
-        """Values for some frequencies from a table that goes with that of the gain."""
-        return np.interp(np.abs(frequency), self.frequencies, table)
-
-    @functools.cached_property
-    def frequencies(self) -> np.ndarray:
-        """(N,) float64 frequencies of the tables, cycles per beam."""
-        return self.step * np.arange(_POINTS)
-
     @functools.cached_property
     def derivatives(self) -> tuple[np.ndarray, np.ndarray]:
         """First and second derivative of the logarithm by frequency."""
@@ -71,7 +62,12 @@ class BeamGain:
         return first, np.gradient(first, self.step)
 
 
-@functools.lru_cache(maxsize=512)
+@functools.lru_cache(maxsize=64)
+def _tables(between: BeamGain, groups: tuple[int, ...]) -> np.ndarray:
+    """(2 + G, N) tables of both derivatives, and of `_repeated` for G groups."""
+    return np.stack([*between.derivatives, *(_repeated(between, group) for group in groups)])
+
+
 def _repeated(between: BeamGain, group: int) -> np.ndarray:
     """Table of how much errors grow that rise over groups of so many beams and start again.
 
@@ -81,7 +77,7 @@ def _repeated(between: BeamGain, group: int) -> np.ndarray:
         return np.zeros(_POINTS)
     harmonic = np.arange(1, group)
     share = 1 / np.sin(np.pi * harmonic / group) ** 2
-    place = (between.frequencies[:, None] + harmonic / group) * _POINTS
+    place = (between.step * np.arange(_POINTS)[:, None] + harmonic / group) * _POINTS
     power = between.power[place.round().astype(int) % _POINTS]
     return np.exp(between.log_gain) * np.sqrt(power @ share / share.sum())
 
@@ -126,18 +122,23 @@ def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, gr
         Of echoes that share phasors with opposite ones.
     """
     frequency = radians / (2 * math.pi)
-    first, second = (between.at(frequency, v) for v in between.derivatives)
+    place = np.minimum(np.abs(frequency) * (1 / between.step), _POINTS - 1)
+    below = np.minimum(place.astype(np.intp), _POINTS - 2)
+    table = _tables(between, tuple(groups))
+    found = table[:, below]
+    found += (place - below) * (table[:, below + 1] - found)
+    first, second, grown = found[0], found[1], found[2:]
     # The kernel takes frequencies as held; gains run straight through two Gaussian points.
-    always = rms_of_echoes(np.stack([(second + first ** 2) * chirp / (8 * math.pi ** 2),
-                                   second * (frequency * relative[0]) ** 2 / 2 / math.sqrt(180)]))
+    always = [(second + first ** 2) * chirp / (8 * math.pi ** 2),
+              second * (frequency * relative[0]) ** 2 / 2 / math.sqrt(180)]
     rising = np.hypot(first * chirp / (2 * math.pi), radians * relative[1] / math.sqrt(12))
-    grown = np.stack([between.at(frequency, _repeated(between, group)) for group in groups])
     squared = np.square(groups)
     beside = np.sqrt((squared - 1) / 12)  # rms distance from the middle of a group
     squares = np.sqrt((squared - 1) * np.maximum(squared - 4, 0) / 180)
-    return (always, np.stack([rms_of_echoes(rising * grown) * beside,
-                              rms_of_echoes(chirp / 2 * grown) * squares], axis=1),
-            rms_of_echoes(grown) * uneven * beside)
+    n = len(grown)
+    rms = rms_of_echoes(np.concatenate([always, rising * grown, chirp / 2 * grown, grown]))
+    return (rms[:2], np.stack([rms[2:2 + n] * beside, rms[2 + n:2 + 2 * n] * squares], axis=1),
+            rms[2 + 2 * n:] * uneven * beside)
 
 
 def rms_of_echoes(errors) -> np.ndarray:
@@ -501,8 +502,8 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
         return None
     # Beams beside the grid count, too; there are fewer the wider the spread.
     finest = math.pi / (radar.wavenumbers_rad_per_m[1] * _OVERSAMPLING[0])
-    spread = max(view.beams.spread(*view.centres) for view in views)
-    beyond = OUTSIDE * finest / max(spread, 1e-3 * wavelength_m)
+    steepest = max(float(np.abs(view.slope).max()) for view in views)
+    beyond = OUTSIDE * finest / max(steepest, 1e-3 * wavelength_m)
     spread = max(view.beams.spread(*view.centres, beyond) for view in views)
     # The last segment reaches beyond the image.
     spare = lattice.n_cells - reach_m / lattice.cell_m - 2 * CELL_TAPS
@@ -526,34 +527,47 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
     relative = [n * bin_rad_per_m / k
                 for n in (bins_per_run(n_bins, n_bins * bin_rad_per_m / k), STEP_BINS)]
 
-    @functools.cache
+    half_m = segments * polar.range_spacing_m / 2
+    drifts = [np.max([view.drifts(half_m, lattice.cell_m / polar.range_spacing_m)[n]
+                      for view in views], axis=0) for n in (0, 1)]
+    bend = max(view.by_range[2] for view in views)
+    fixed = ((_read_straight(drifts[0] / lattice.cell_m, over_range)) ** 2
+             + (k * bend * half_m ** 4 / 24 / 3) ** 2
+             + max(view.phase_error for view in views) ** 2)
+
     def errors(i: int) -> np.ndarray:
         """Mean squared errors with an oversampling, as the costs are arranged."""
         between, spacing = _between(i), spacings[i]
         always, grouped, shared = shared_errors(
             between, spacing * slope, spacing * (spacing * curvature), spacing * (k * uneven),
             relative, _GROUPS)
-        expansion = np.max([view.expansion_errors(
-            segments * polar.range_spacing_m / 2, lattice.cell_m, polar.range_spacing_m, spacing,
-            over_range, _OVERSAMPLING[i], k) for view in views], axis=0)
         return (10 ** (between.interpolator.error_db / 10) + always @ always
-                + max(view.phase_error for view in views) ** 2
                 + (grouped ** 2).sum(axis=1)[:, None, None]
                 + np.array([[1.0], [0.0]]) * shared[:, None, None] ** 2
-                + (expansion ** 2).sum(axis=0))
+                + fixed + _read_straight(drifts[1] / spacing, _OVERSAMPLING[i]) ** 2)
 
-    fine = [_between(i).interpolator.error_db <= target_db for i in range(len(_OVERSAMPLING))]
-    for place in np.argsort(cost, axis=None, kind='stable'):
-        i, group, alone, segment = np.unravel_index(place, cost.shape)
-        if not fine[i]:
+    # Oversamplings whose own interpolation misses need no closer look.
+    fine = {i: None for i in range(len(_OVERSAMPLING))
+            if _between(i).interpolator.error_db <= target_db}
+    each = cost[0].size
+    for place in np.argsort(cost, axis=None, kind='stable').tolist():
+        i, choice = divmod(place, each)
+        if i not in fine:
             continue
-        error_db = total_db(10 * math.log10(errors(i)[group, alone, segment]), along.error_db,
-                            _ARITHMETIC_DB)
-        if error_db <= target_db:
+        if fine[i] is None:
+            fine[i] = [total_db(10 * math.log10(error), along.error_db, _ARITHMETIC_DB)
+                       for error in errors(i).ravel().tolist()]
+        if fine[i][choice] <= target_db:
+            group, alone, segment = np.unravel_index(choice, cost.shape[1:])
             return BeamSampling(widest, float(spacings[i]), _GROUPS[group],
                                 0.0 if alone else SLACK * uneven, int(segments[segment]),
-                                _between(i), along, error_db)
+                                _between(i), along, fine[i][choice])
     return None
+
+
+def _read_straight(drift, oversampling: float):
+    """Rms error of reading at places that drift by so many samples, as if evenly."""
+    return drift ** 3 / 6 * (math.pi / oversampling) ** 3 / 7
 
 
 def _between(i: int) -> BeamGain:
@@ -574,18 +588,14 @@ class _View:
     # and of the direction cosine's first and second
     by_range: tuple[tuple[float, float], float, float, float, float]
 
-    def expansion_errors(self, half_m, cell_m, pixel_m, spacing, over_range, over_beams, k):
-        """(3, S) rms errors of expanding places between cells, between beams, and phases.
+    def drifts(self, half_m, cell: float) -> tuple[np.ndarray, np.ndarray]:
+        """Errors of straight lines for distance, metres, and direction over S half segments.
 
-        `half_m` are halves of S segments, metres.
+        `half_m` are the halves, (S,) metres, `cell` the slope of the distance along the lattice.
         """
-        slope, d2, d4, s1, s2 = self.by_range
-        d1 = max(abs(d - cell_m / pixel_m) for d in slope)
-        drifts = ((d1 * half_m + d2 * half_m ** 2 / 2) / cell_m,
-                  (s1 * half_m + s2 * half_m ** 2 / 2) / spacing)
-        return np.stack([*(t ** 3 / 6 * (math.pi / over) ** 3 / 7
-                           for t, over in zip(drifts, (over_range, over_beams), strict=True)),
-                         k * d4 * half_m ** 4 / 24 / 3])
+        slope, d2, _, s1, s2 = self.by_range
+        d1 = max(abs(d - cell) for d in slope)
+        return d1 * half_m + d2 * half_m ** 2 / 2, s1 * half_m + s2 * half_m ** 2 / 2
 
 
 def _views(polar: PolarGrid, subapertures, radar: RadarParameters) -> Iterator[_View]:
