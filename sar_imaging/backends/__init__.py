@@ -11,6 +11,8 @@ import importlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from ..planning.costs import tell_costs
+from .cpu.costs import measured_costs
 from .device import DeviceError, device_backend, require_device
 
 if TYPE_CHECKING:
@@ -22,6 +24,7 @@ __all__ = ['AUTO', 'BACKENDS', 'CUDA', 'DeviceError', 'backend', 'compile_before
 
 AUTO, CUDA = 'auto', 'cuda'
 BACKENDS = ('cpu', CUDA, 'reference')
+tell_costs(measured_costs)  # plans are made for the processor, wherever they are computed
 _ENTRIES = ('Backprojection', 'SubapertureImager', 'SpectrumFusion', 'form_map')
 
 

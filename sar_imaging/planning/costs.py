@@ -12,11 +12,8 @@ import contextvars
 import dataclasses
 import json
 import math
-import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-
-VARIABLE = 'SAR_IMAGING_COSTS'  # of the environment: file of measured costs
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,19 +108,30 @@ DEFAULT = CostModel()
 _used: contextvars.ContextVar[CostModel | None] = contextvars.ContextVar('costs', default=None)
 
 
+_measured: Callable[[], CostModel] = CostModel  # until a backend tells more
+
+
+def tell_costs(measured: Callable[[], CostModel]) -> None:
+    """Make plans with what a function returns where no other costs are told.
+
+    It is asked once: when costs are needed first, or first after ``using(None)``.
+    """
+    global _measured
+    _measured = measured
+
+
 def costs() -> CostModel:
-    """Costs that plans are made with: those of `using`, of the environment, or the default."""
+    """Costs that plans are made with: those of `using`, those that a backend tells, or default."""
     model = _used.get()
     if model is None:
-        path = os.environ.get(VARIABLE)
-        model = CostModel.read(Path(path)) if path else DEFAULT
+        model = _measured()
         _used.set(model)
     return model
 
 
 @contextlib.contextmanager
 def using(model: CostModel | None) -> Iterator[None]:
-    """Make plans with other costs within a ``with`` block; None for those of the environment."""
+    """Make plans with other costs within a ``with`` block; None for those that a backend tells."""
     token = _used.set(model)
     try:
         yield

@@ -17,7 +17,6 @@ from ..geometry.illumination import AmplitudeSpread
 from ..signal.radar import RadarParameters
 
 _FAINT = 1.645  # standard deviations: one scene of twenty is fainter
-_GOLDEN = (math.sqrt(5) - 1) / 2
 _ALIKE = 0.8  # brightness of the faintest place over the others', above which nothing is faint
 
 
@@ -74,16 +73,6 @@ def _echoes_alike(tx_m, rx_m, centre_m, sides_m, radar) -> tuple[np.ndarray, np.
     count = np.bincount(number, shares)[number] * shares
     count, alone = (v.reshape(4, -1).sum(axis=0) for v in (count, shares ** 2))
     return count, alone, band
-
-
-def some_of(n: int, most: int) -> np.ndarray:
-    """Numbers of at most so many of n echoes, evenly and in no step with channels, ascending.
-
-    Multiples of the golden ratio fill an interval evenly, however many there are.
-    """
-    if n <= most:
-        return np.arange(n)
-    return np.unique((np.arange(most) * _GOLDEN % 1 * n).astype(np.int64))
 
 
 def spread_frequencies(frequency, spread: float) -> np.ndarray:

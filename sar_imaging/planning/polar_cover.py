@@ -19,10 +19,10 @@ from ..geometry.polar import EDGE_SAMPLES, PolarGrid, edge_positions
 from ..geometry.track import side_of, track_beside
 from ..signal.radar import RadarParameters
 from .aliasing_error import TAPERS_NEEDED, used_share
-from .echo_power import echo_powers, some_of, spread_frequencies, tail_error
+from .echo_power import echo_powers, spread_frequencies, tail_error
 from .interpolators import Interpolator, fitting_interpolator
 from .plan import total_db
-from .profiles import RangeGate, RangeResampling, plan_resampling
+from .profiles import RangeGate, RangeResampling, echoes_for_means, plan_resampling
 
 if TYPE_CHECKING:
     from .profiles import PhaseHistory
@@ -48,7 +48,6 @@ def range_axis(polar: PolarGrid, grid: MapGrid) -> int:
 
 _SAMPLES_PER_SIDE = 5  # map positions at which the geometry is bounded
 _WAVENUMBERS = 7  # of the band
-_ECHOES_FOR_ERRORS = 512  # enough for means
 _SLACK = 1.01  # frequencies between samples of the map, and beside it
 _RANGE_RATIOS = (2, 3), (5, 7), (3, 4), (4, 5), (5, 6), (7, 8), (9, 10)
 
@@ -164,7 +163,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
                               - radar.wavenumber_rad_per_m).max())
     half_alpha = float(np.abs(of_lit).max() * ends[1]) + math.sqrt(3) * spread.rms
     # of wavenumbers, some echoes and samples of the map
-    some = some_of(len(tx_m), _ECHOES_FOR_ERRORS)
+    some = echoes_for_means(len(tx_m))
     k = np.linspace(*ends, _WAVENUMBERS)[:, None, None]
     even, along_range = k * of_lit[some], k * slope_line[some] - radar.wavenumber_rad_per_m
     weight = echo_powers(tx_m, rx_m, grid.centre_m, grid.spacing_m * np.array(

@@ -24,7 +24,6 @@ from ..signal.radar import RadarParameters, Waveform
 from ..signal.windows import window as window_weights
 from .aliasing_error import cosine_fall, guard_taper
 from .costs import costs
-from .echo_power import some_of
 from .interpolators import LEAST_MARGIN, LINE_DEGREE, Interpolator, design_interpolator
 from .plan import total_db
 from .transform_lengths import cost_per_sample, smooth_lengths
@@ -156,7 +155,7 @@ _REACH = 24.0
 _TAPER_SHARE, _TAPER_SHAPE = 0.3, 4.0  # of these samples: longer tapers begin too near
 _TONES, _LONGEST = 8, 2048  # in the band, and samples of a table of errors
 _SERIES_SHARPNESS = math.asinh(10 ** (130 / 20)) / math.pi
-_ECHOES_FOR_ENDS = 512  # enough for means
+_ECHOES_FOR_MEANS, _GOLDEN = 512, (math.sqrt(5) - 1) / 2
 _WORTHWHILE = 0.9  # longer windows are not worth a copy
 
 
@@ -263,7 +262,7 @@ class RangeGate:
         side[[0, -1]] = 0.5  # they stand for half as much of the image
         weight = functools.reduce(np.multiply.outer, [side] * n_axes).ravel()
         weight = weight * lit * (self.predictable(range_m, lit) | ~lit).all(axis=0)
-        some = some_of(len(range_m), _ECHOES_FOR_ENDS)
+        some = echoes_for_means(len(range_m))
         return mean_db(self.end_error(range_m[some], oversampling),
                        weight if weight.ndim == 1 else weight[some])
 
@@ -277,6 +276,16 @@ class RangeGate:
         given = self.radar.sample_rate_hz / self.radar.bandwidth_hz
         return (_band_taper(n_padded, given, min(given, oversampling)) / n_padded
                 ).astype(np.float32)
+
+
+def echoes_for_means(n: int) -> np.ndarray:
+    """Numbers of some of n echoes, evenly and in no step with channels, ascending int64.
+
+    Multiples of the golden ratio fill an interval evenly, however many there are.
+    """
+    if n <= _ECHOES_FOR_MEANS:
+        return np.arange(n)
+    return np.unique((np.arange(_ECHOES_FOR_MEANS) * _GOLDEN % 1 * n).astype(np.int64))
 
 
 def end_samples(radar: RadarParameters) -> int:

@@ -12,8 +12,9 @@ import sys
 from pathlib import Path
 
 from sar_imaging.backends import CUDA, backend
+from sar_imaging.backends.cpu.costs import VARIABLE
 from sar_imaging.files import check_target
-from sar_imaging.planning.costs import DEFAULT, VARIABLE, CostModel
+from sar_imaging.planning.costs import DEFAULT, CostModel
 
 from .program import command_parser, main_of
 

@@ -6,8 +6,9 @@ import dataclasses
 
 import pytest
 
+from sar_imaging.backends.cpu.costs import VARIABLE
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.planning.costs import DEFAULT, VARIABLE, CostModel, costs, using
+from sar_imaging.planning.costs import DEFAULT, CostModel, costs, using
 
 
 def test_the_quickest_way_follows_the_costs(make_case):

@@ -14,10 +14,11 @@ import pytest
 from benchmarks.support.references import exact_image
 from sar_imaging import backends
 from sar_imaging.backends.cpu.beams import SubapertureImager
+from sar_imaging.backends.cpu.costs import VARIABLE
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.afbp.beams import BeamSampling
 from sar_imaging.planning.afbp.plan import plan_afbp
-from sar_imaging.planning.costs import DEFAULT, VARIABLE, CostModel, using
+from sar_imaging.planning.costs import DEFAULT, CostModel, using
 from sar_imaging.planning.exact.backprojection import plan_backprojection
 from sar_imaging.planning.exact.polar_image import plan_polar
 from sar_imaging.tools import command, costs
@@ -111,7 +112,8 @@ def test_a_device_that_is_not_there_is_one_line(tmp_path, capsys, monkeypatch):
 def test_a_process_plans_with_the_file_of_its_environment(tmp_path):
     path = tmp_path / 'costs.json'
     dataclasses.replace(DEFAULT, image=12345.0).write(path)
-    code = 'from sar_imaging.planning.costs import costs; print(costs().image)'
+    code = ('from sar_imaging import plan_image; '
+            'from sar_imaging.planning.costs import costs; print(costs().image)')
     done = subprocess.run([sys.executable, '-c', code], cwd=ROOT, text=True, capture_output=True,
                           env={**os.environ, VARIABLE: str(path)}, check=True)
     assert done.stdout.strip() == '12345.0'

@@ -9,6 +9,7 @@ of bins, which share one: the errors of that are known from the geometry.
 
 from __future__ import annotations
 
+import bisect
 import dataclasses
 import functools
 import math
@@ -546,22 +547,23 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
                 + np.array([[1.0], [0.0]]) * shared[:, None, None] ** 2
                 + fixed + _read_straight(drifts[1] / spacing, _OVERSAMPLING[i]) ** 2)
 
-    # Oversamplings whose own interpolation misses need no closer look.
-    fine = {i: None for i in range(len(_OVERSAMPLING))
-            if _between(i).interpolator.error_db <= target_db}
-    each = cost[0].size
+    @functools.cache
+    def errors_db(i: int) -> list[float]:
+        return [total_db(10 * math.log10(error), along.error_db, _ARITHMETIC_DB)
+                for error in errors(i).ravel().tolist()]
+
+    # What misses at best is not oversampled enough; interpolation alone tells most of that.
+    useful = [i for i in range(len(_OVERSAMPLING))
+              if _between(i).interpolator.error_db <= target_db]
+    least = bisect.bisect_left(useful, True, key=lambda i: min(errors_db(i)) <= target_db)
+    useful, each = set(useful[least:]), cost[0].size
     for place in np.argsort(cost, axis=None, kind='stable').tolist():
         i, choice = divmod(place, each)
-        if i not in fine:
-            continue
-        if fine[i] is None:
-            fine[i] = [total_db(10 * math.log10(error), along.error_db, _ARITHMETIC_DB)
-                       for error in errors(i).ravel().tolist()]
-        if fine[i][choice] <= target_db:
+        if i in useful and errors_db(i)[choice] <= target_db:
             group, alone, segment = np.unravel_index(choice, cost.shape[1:])
             return BeamSampling(widest, float(spacings[i]), _GROUPS[group],
                                 0.0 if alone else SLACK * uneven, int(segments[segment]),
-                                _between(i), along, fine[i][choice])
+                                _between(i), along, errors_db(i)[choice])
     return None
 
 

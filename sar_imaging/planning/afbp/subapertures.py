@@ -204,9 +204,10 @@ _GAP = 4.0  # times the usual distance between pulses
 _STANDS = 0.1  # of the mean distance, at which a platform stands still
 _OVERSAMPLING = (1.1, 1.15, 1.2, 1.25, 1.3, 1.4, 1.6, 1.8, 2.0, 2.3, 2.7, 3.2)
 _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
-# By how much an error falls at most with each unit of the taper's shape (that of the Kaiser
-# window's own lobes falls by 8.7 dB), and how unlike errors of tapers of one shape are
-_FALL_DB, _UNLIKE_DB = 12.0, 4.0
+# Shapes of the taper tell which choices cannot do: errors are above the first less the second for
+# each unit of the shape (measured; the lobes of the Kaiser window itself fall by 8.7 dB), and of
+# tapers of one shape they differ by less than the third.
+_FLAT_DB, _FALL_DB, _UNLIKE_DB = -36.0, 12.0, 4.0
 _BOUND = 0.95  # of what rounding to quick lengths may save
 _LEAST_RANGE_GUARD = 16
 _WIDE_GUARD = 3.0  # times those along direction: there the error is far less
@@ -377,7 +378,7 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
         return 10 * math.log10(fusion_error(found, bands, *some_echoes(cut)) + 1e-16)
 
     failed = np.zeros((len(cuts), len(_OVERSAMPLING), len(_GUARDS)), bool)
-    flattest = 0.0
+    flattest = (_FLAT_DB - target_db) / _FALL_DB
     for cut, place in _by_cost(cuts, first_stage):
         (i, j), sizes = divmod(place, len(_GUARDS)), cuts[cut].sizes[place]
         if failed[cut, i, j] or sizes.beta < flattest or not _on_plane(sizes):
@@ -387,7 +388,7 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
             return dataclasses.replace(cuts[cut].sampling(place), error_db=found_db)
         # What fails with wider guards and finer sampling fails with less of both.
         failed[cut, :i + 1, :j + 1] = True
-        if found_db < 0:  # bands fit
+        if found_db < _FLAT_DB:  # else bands hardly fit
             flattest = max(flattest, sizes.beta + (found_db - target_db - _UNLIKE_DB) / _FALL_DB)
     return None
 
@@ -507,7 +508,7 @@ def _to_guards(slope, share: float) -> np.ndarray:
     return slope.reshape(len(slope), -1)
 
 
-_CUTS_FOR_BEAMS = 5  # sub-apertures whose geometry is looked at
+_CUTS_FOR_BEAMS, _CUTS_FOR_COST = 5, 3  # sub-apertures whose geometry is looked at
 
 
 @dataclasses.dataclass(frozen=True)
@@ -548,7 +549,7 @@ class SubapertureCost:
         widest band along direction, rad.
         """
         length = pulses[0].stop - pulses[0].start
-        beams = None if self._bends(half) else self._beams(pulses)
+        beams = None if self._bends(half) else self._beams(pulses, _CUTS_FOR_COST)
         return len(pulses) * np.minimum(*self._costs(beams, length, n_pixels))
 
     def _bends(self, half: float) -> bool:
@@ -565,7 +566,7 @@ class SubapertureCost:
 
     def choose_beams(self, pulses) -> BeamSampling | None:
         """Beams for images on `grid`; None where adding each pulse directly is quicker."""
-        beams = self._beams(pulses)
+        beams = self._beams(pulses, _CUTS_FOR_BEAMS)
         direct, from_beams = self._costs(beams, max(p.stop - p.start for p in pulses),
                                          self.grid.n_alpha * self.grid.n_range)
         return beams if from_beams < direct else None
@@ -577,20 +578,21 @@ class SubapertureCost:
             beams.operations(n_echoes, self.lattice, n_pixels, self.span))
         return n_echoes * self.lattice.cost * n_pixels, from_beams
 
-    def _beams(self, pulses) -> BeamSampling | None:
+    def _beams(self, pulses, n_looked_at: int) -> BeamSampling | None:
         n_weighed = self.n_weighed(pulses)
         if n_weighed is None:
             return None
         # of echoes that share an image
         cuts = [tuple(c[pulses[i], number % n:: n].reshape(-1, 3) for c in (self.tx_m, self.rx_m))
-                for number, i in enumerate(self._for_beams(pulses)) for n in [max(1, n_weighed)]]
+                for n in [max(1, n_weighed)]
+                for number, i in enumerate(self._for_beams(pulses, n_looked_at))]
         beams = plan_beams(self.grid, self.radar, self.lattice, cuts, self.target_db, self.reach_m,
                            self.padding_m)
         return beams and dataclasses.replace(beams, n_weighed=n_weighed)
 
-    def _for_beams(self, pulses) -> list[int]:
+    def _for_beams(self, pulses, n: int) -> list[int]:
         """Numbers of some sub-apertures, evenly, and of the widest where none is about as wide."""
-        some = np.unique(np.linspace(0, len(pulses) - 1, _CUTS_FOR_BEAMS).round().astype(int))
+        some = np.unique(np.linspace(0, len(pulses) - 1, n).round().astype(int))
         middles, first = mean_centres(self.tx_m, self.rx_m), [p.start for p in pulses]
         width = np.linalg.norm(np.maximum.reduceat(middles, first)
                                - np.minimum.reduceat(middles, first), axis=1)

@@ -26,18 +26,24 @@ from ...geometry.polar import PolarGrid
 from ...memory import IMAGE_BYTES
 from ...signal.radar import RadarParameters
 from ..costs import costs
-from ..echo_power import some_of, spread_frequencies, tail_error
+from ..echo_power import spread_frequencies, tail_error
 from ..interpolators import Interpolator, sufficient_interpolators
 from ..plan import EXACT_SHARES, PASSES_DB, Plan, error_budget
 from ..polar_cover import PolarCover, cover_map
-from ..profiles import RangeGate, RangeResampling, plan_resampling, resampling_error_db
+from ..profiles import (
+    RangeGate,
+    RangeResampling,
+    echoes_for_means,
+    plan_resampling,
+    resampling_error_db,
+)
 
 if TYPE_CHECKING:
     from .illumination import LitLines
 
 TAPS, DEGREE = 10, 5
 _LEAST_ECHOES = 4  # in a part
-_WAVENUMBERS, _ECHOES_FOR_ERRORS = 5, 512  # at which errors are looked up, of the band and in all
+_WAVENUMBERS = 5  # of the band, at which errors are looked up
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,7 +119,7 @@ def _quickest_parts(cover: PolarCover, interpolator: Interpolator) -> AzimuthPar
 
 def _interpolation_db(parts: AzimuthParts, cover: PolarCover) -> float:
     """Mean error at the frequencies of the echoes, seen from the middle of their part's band."""
-    some = some_of(len(cover.slope_alpha), _ECHOES_FOR_ERRORS)
+    some = echoes_for_means(len(cover.slope_alpha))
     middle = np.repeat(parts.frequency, [e.stop - e.start for e in parts.echoes])[some]
     k = np.linspace(*cover.window.radar.wavenumbers_rad_per_m, _WAVENUMBERS)[:, None, None]
     per_radian = parts.coarse.alpha_spacing / (2 * math.pi)
