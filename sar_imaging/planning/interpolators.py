@@ -91,11 +91,9 @@ class Interpolator:
 
         Cycles per sample; 2 where one is beyond what samples can hold.
         """
-        place = np.abs(frequency)
-        place *= 2 * (len(self._errors) - 2)
-        place += 0.5
         last = len(self._errors) - 1
-        return self._errors.take(np.minimum(place, last, out=place).astype(np.intp))
+        place = np.minimum(np.abs(frequency) * (2 * (last - 1)) + 0.5, last)
+        return self._errors.take(place.astype(np.intp))
 
     def mean_error_db(self, frequency, weight) -> float:
         """Mean error of K wavenumbers, R echoes and S places, dB.

@@ -418,7 +418,8 @@ def least_operations(n_echoes: int, lattice: RangeResampling, n_pixels: int,
     `n_needed` is the number of beams that lie as far apart as the band of the echoes lets them.
     """
     n_beams = _n_beams(n_needed, 1 / _OVERSAMPLING[0])
-    return _operations(n_beams, max(_GROUPS), True, max(_SEGMENTS), n_echoes, lattice, n_pixels)
+    counts = _operations(n_beams, max(_GROUPS), True, max(_SEGMENTS), n_echoes, lattice, n_pixels)
+    return counts | {'beam_bin': 0.5 * n_beams * n_echoes * lattice.n_padded}  # of any groups
 
 
 def surely_bend(polar: PolarGrid, slope_m: float, radar: RadarParameters,
