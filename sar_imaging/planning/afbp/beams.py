@@ -528,30 +528,28 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
     n_bins, bin_rad_per_m = lattice.n_padded, 2 * math.pi / (lattice.n_cells * lattice.cell_m)
     relative = [n * bin_rad_per_m / k
                 for n in (bins_per_run(n_bins, n_bins * bin_rad_per_m / k), STEP_BINS)]
-
     half_m = segments * polar.range_spacing_m / 2
     drifts = [np.max([view.drifts(half_m, lattice.cell_m / polar.range_spacing_m)[n]
                       for view in views], axis=0) for n in (0, 1)]
     bend = max(view.by_range[2] for view in views)
-    fixed = ((_read_straight(drifts[0] / lattice.cell_m, over_range)) ** 2
+    fixed = (_read_straight(drifts[0] / lattice.cell_m, over_range) ** 2
              + (k * bend * half_m ** 4 / 24 / 3) ** 2
-             + max(view.phase_error for view in views) ** 2)
+             + max(view.phase_error for view in views) ** 2
+             + 10 ** (total_db(along.error_db, _ARITHMETIC_DB) / 10))
 
-    def errors(i: int) -> np.ndarray:
-        """Mean squared errors with an oversampling, as the costs are arranged."""
+    @functools.cache
+    def errors_db(i: int) -> list[float]:
+        """With an oversampling, as the costs are arranged."""
         between, spacing = _between(i), spacings[i]
         always, grouped, shared = shared_errors(
             between, spacing * slope, spacing * (spacing * curvature), spacing * (k * uneven),
             relative, _GROUPS)
-        return (10 ** (between.interpolator.error_db / 10) + always @ always
-                + (grouped ** 2).sum(axis=1)[:, None, None]
-                + np.array([[1.0], [0.0]]) * shared[:, None, None] ** 2
-                + fixed + _read_straight(drifts[1] / spacing, _OVERSAMPLING[i]) ** 2)
-
-    @functools.cache
-    def errors_db(i: int) -> list[float]:
-        return [total_db(10 * math.log10(error), along.error_db, _ARITHMETIC_DB)
-                for error in errors(i).ravel().tolist()]
+        error = (
+            10 ** (between.interpolator.error_db / 10) + always @ always
+            + (grouped ** 2).sum(axis=1)[:, None, None]
+            + np.array([[1.0], [0.0]]) * shared[:, None, None] ** 2
+            + fixed + _read_straight(drifts[1] / spacing, _OVERSAMPLING[i]) ** 2)
+        return (10 * np.log10(error)).ravel().tolist()
 
     # What misses at best is not oversampled enough; interpolation alone tells most of that.
     useful = [i for i in range(len(_OVERSAMPLING))
