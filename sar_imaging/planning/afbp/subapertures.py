@@ -204,10 +204,9 @@ _GAP = 4.0  # times the usual distance between pulses
 _STANDS = 0.1  # of the mean distance, at which a platform stands still
 _OVERSAMPLING = (1.1, 1.15, 1.2, 1.25, 1.3, 1.4, 1.6, 1.8, 2.0, 2.3, 2.7, 3.2)
 _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
-# Shapes of the taper tell which choices cannot do: errors are above the first less the second for
-# each unit of the shape (measured; the lobes of the Kaiser window itself fall by 8.7 dB), and of
-# tapers of one shape they differ by less than the third.
-_FLAT_DB, _FALL_DB, _UNLIKE_DB = -36.0, 12.0, 4.0
+# Errors are above the first less the second for each unit of the taper's shape, by 3 dB and more
+# (measured; the lobes of the Kaiser window itself fall by 8.7 dB).
+_FLAT_DB, _FALL_DB = -34.0, 11.0
 _BOUND = 0.95  # of what rounding to quick lengths may save
 _LEAST_RANGE_GUARD = 16
 _WIDE_GUARD = 3.0  # times those along direction: there the error is far less
@@ -388,8 +387,6 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
             return dataclasses.replace(cuts[cut].sampling(place), error_db=found_db)
         # What fails with wider guards and finer sampling fails with less of both.
         failed[cut, :i + 1, :j + 1] = True
-        if found_db < _FLAT_DB:  # else bands hardly fit
-            flattest = max(flattest, sizes.beta + (found_db - target_db - _UNLIKE_DB) / _FALL_DB)
     return None
 
 
