@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ..planning.costs import tell_costs
-from .cpu.costs import measured_costs
 from .device import DeviceError, device_backend, require_device
 
 if TYPE_CHECKING:
@@ -24,7 +23,6 @@ __all__ = ['AUTO', 'BACKENDS', 'CUDA', 'DeviceError', 'backend', 'compile_before
 
 AUTO, CUDA = 'auto', 'cuda'
 BACKENDS = ('cpu', CUDA, 'reference')
-tell_costs(measured_costs)  # plans are made for the processor, wherever they are computed
 _ENTRIES = ('Backprojection', 'SubapertureImager', 'SpectrumFusion', 'form_map')
 
 
@@ -144,3 +142,7 @@ def compile_beforehand(*entries: str, name: str | Backend = AUTO) -> None:
     compile_kernels = getattr(backend(name), 'compile_kernels', None)
     for entry in entries if compile_kernels else ():
         compile_kernels(entry)
+
+
+# Plans are made for the processor, wherever they are computed.
+tell_costs(lambda: backend('cpu').measured_costs())

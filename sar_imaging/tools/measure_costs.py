@@ -12,7 +12,6 @@ import sys
 from pathlib import Path
 
 from sar_imaging.backends import CUDA, backend
-from sar_imaging.backends.cpu.costs import VARIABLE
 from sar_imaging.files import check_target
 from sar_imaging.planning.costs import DEFAULT, CostModel
 
@@ -67,8 +66,9 @@ def _usage(path: Path, device: bool) -> str:
                 f'    export {backend(CUDA).VARIABLE}={path.absolute()}\n\n'
                 "compute on the device, with backend 'auto', what is done there sooner by these "
                 'costs.\nPlans stay the same.')
+    variable = backend('cpu').VARIABLE
     return (f'Written to {path}. Programs and nodes that start with\n\n'
-            f'    export {VARIABLE}={path.absolute()}\n\n'
+            f'    export {variable}={path.absolute()}\n\n'
             'plan with these costs. Their plans, and the last bits of their images, then differ '
             'from\nthose of other machines.')
 

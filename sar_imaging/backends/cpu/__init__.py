@@ -13,7 +13,8 @@ _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'beams',
             'compile_kernels': 'beforehand',
             'correlate_spectra': 'correlation',
             'correlate_profiles': 'correlation',
-            'TrialImages': 'points'}
+            'TrialImages': 'points', 'VARIABLE': 'costs',
+            'measured_costs': 'costs'}
 
 
 def __getattr__(name):
