@@ -36,7 +36,8 @@ def form_beams(spectra, path_m, cycles_per_m, between: BeamGain) -> np.ndarray:
     for echo, spectrum in enumerate(spectra):
         cycles = np.multiply.outer(path_m[:, echo], cycles_per_m)
         frequency = np.multiply.outer(by_beam[:, echo], cycles_per_m)
-        gain = np.exp(between.at(frequency, between.log_gain))
+        gain = np.exp(np.interp(np.abs(frequency), between.step * np.arange(len(between.log_gain)),
+                                between.log_gain))
         beams += gain * spectrum * np.exp(
             2j * np.pi * np.fmod(cycles, 1.0))
     return beams

@@ -277,14 +277,16 @@ class Sampling:
 class _Cut:
     """One cut into sub-apertures, with the sizes of all oversamplings and guards.
 
-    `half` is half the widest band along direction, rad, `power`, (W, U), that of the
-    sub-apertures; ratio and coverage as of `choose_sampling`.
+    `half` is half the widest band along direction, rad, and `half_m` half the widest range of
+    slopes in it, metres; `power`, (W, U), is that of the sub-apertures; ratio and coverage as of
+    `choose_sampling`.
     """
 
     polar: PolarGrid
     ratio: tuple[int, int]
     pulses: tuple[slice, ...]
     centre: np.ndarray
+    half_m: float
     half: float
     power: np.ndarray
     coverage: PixelDensity
@@ -303,13 +305,13 @@ class _Cut:
         """Nanoseconds of all choices."""
         n_coarse, n_fine = _n_pixels(self.sizes)
         return (self._fusion_cost(n_coarse, n_fine)
-                + first_stage.cost(self.pulses, self.half, n_coarse))
+                + first_stage.cost(self.pulses, self.half_m, n_coarse))
 
     def least_cost(self, first_stage: SubapertureCost) -> float:
         """About the least of `costs`, or less; found much more quickly."""
         n_coarse, n_fine = _n_pixels([self._sizes(_OVERSAMPLING[0], _GUARDS[0])])
         return _BOUND * (self._fusion_cost(n_coarse, n_fine) + first_stage.least_cost(
-            self.pulses, self.half, n_coarse)).item()
+            self.pulses, self.half_m, n_coarse)).item()
 
     def _sizes(self, *choice) -> FusionSizes:
         return _sizes(self.polar, self.ratio, float(np.abs(self.centre).max()),
@@ -363,9 +365,10 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
         pulses = tuple(cut_pulses(pieces, length))
         first = np.array([p.start for p in pulses]) * n_channels
         lo, hi = np.minimum.reduceat(least, first), np.maximum.reduceat(most, first)
-        half = bands.wavenumber[1] * 0.5 * float((hi - lo).max()) + math.sqrt(3) * bands.spread.rms
+        half_m = 0.5 * float((hi - lo).max())
+        half = bands.wavenumber[1] * half_m + math.sqrt(3) * bands.spread.rms
         power = np.add.reduceat(bands.weight, first, axis=1)
-        cuts.append(_Cut(polar, ratio, pulses, 0.5 * (lo + hi), half, power, coverage))
+        cuts.append(_Cut(polar, ratio, pulses, 0.5 * (lo + hi), half_m, half, power, coverage))
 
     @functools.cache
     def some_echoes(cut):
@@ -505,7 +508,7 @@ def _to_guards(slope, share: float) -> np.ndarray:
     return slope.reshape(len(slope), -1)
 
 
-_CUTS_FOR_BEAMS, _CUTS_FOR_COST = 5, 3  # sub-apertures whose geometry is looked at
+_CUTS_FOR_BEAMS = 5  # sub-apertures whose geometry is looked at
 
 
 @dataclasses.dataclass(frozen=True)
@@ -539,31 +542,31 @@ class SubapertureCost:
     padding_m: float
     n_weighed: Callable[[Sequence[slice]], int | None] = lambda pulses: 0
 
-    def cost(self, pulses, half: float, n_pixels) -> np.ndarray:
+    def cost(self, pulses, half_m: float, n_pixels) -> np.ndarray:
         """(K,) nanoseconds of all images of a cut into sub-apertures of about equally many pulses.
 
-        `pulses` are their slices, `n_pixels`, (K,), the pixels of each image, `half` half the
-        widest band along direction, rad.
+        `pulses` are their slices, `n_pixels`, (K,), the pixels of each image, `half_m` half the
+        widest range of slopes by direction, metres.
         """
         length = pulses[0].stop - pulses[0].start
-        beams = None if self._bends(half) else self._beams(pulses, _CUTS_FOR_COST)
+        beams = None if self._bends(half_m) else self._beams(pulses)
         return len(pulses) * np.minimum(*self._costs(beams, length, n_pixels))
 
-    def _bends(self, half: float) -> bool:
-        """Whether the paths of a band so wide surely depend on range too much for beams."""
-        return surely_bend(self.grid, half / self.radar.wavenumbers_rad_per_m[1], self.radar,
-                           self.target_db)
+    def _bends(self, half_m: float) -> bool:
+        """Whether paths of slopes so unlike surely depend on range too much for beams."""
+        return surely_bend(self.grid, half_m, self.radar, self.target_db)
 
-    def least_cost(self, pulses, half: float, n_pixels) -> np.ndarray:
+    def least_cost(self, pulses, half_m: float, n_pixels) -> np.ndarray:
         """What `cost` is not below, whatever the beams; found much more quickly."""
         n_echoes = (pulses[0].stop - pulses[0].start) * self.tx_m.shape[1]
-        from_beams = math.inf if self._bends(half) else costs().nanoseconds(least_operations(
-            n_echoes, self.lattice, n_pixels, self.span * half / math.pi))
+        from_beams = math.inf if self._bends(half_m) else costs().nanoseconds(least_operations(
+            n_echoes, self.lattice, n_pixels,
+            self.span * half_m * self.radar.wavenumbers_rad_per_m[1] / math.pi))
         return len(pulses) * np.minimum(n_echoes * self.lattice.cost * n_pixels, from_beams)
 
     def choose_beams(self, pulses) -> BeamSampling | None:
         """Beams for images on `grid`; None where adding each pulse directly is quicker."""
-        beams = self._beams(pulses, _CUTS_FOR_BEAMS)
+        beams = self._beams(pulses)
         direct, from_beams = self._costs(beams, max(p.stop - p.start for p in pulses),
                                          self.grid.n_alpha * self.grid.n_range)
         return beams if from_beams < direct else None
@@ -575,21 +578,20 @@ class SubapertureCost:
             beams.operations(n_echoes, self.lattice, n_pixels, self.span))
         return n_echoes * self.lattice.cost * n_pixels, from_beams
 
-    def _beams(self, pulses, n_looked_at: int) -> BeamSampling | None:
+    def _beams(self, pulses) -> BeamSampling | None:
         n_weighed = self.n_weighed(pulses)
         if n_weighed is None:
             return None
         # of echoes that share an image
         cuts = [tuple(c[pulses[i], number % n:: n].reshape(-1, 3) for c in (self.tx_m, self.rx_m))
-                for n in [max(1, n_weighed)]
-                for number, i in enumerate(self._for_beams(pulses, n_looked_at))]
+                for number, i in enumerate(self._for_beams(pulses)) for n in [max(1, n_weighed)]]
         beams = plan_beams(self.grid, self.radar, self.lattice, cuts, self.target_db, self.reach_m,
                            self.padding_m)
         return beams and dataclasses.replace(beams, n_weighed=n_weighed)
 
-    def _for_beams(self, pulses, n: int) -> list[int]:
+    def _for_beams(self, pulses) -> list[int]:
         """Numbers of some sub-apertures, evenly, and of the widest where none is about as wide."""
-        some = np.unique(np.linspace(0, len(pulses) - 1, n).round().astype(int))
+        some = np.unique(np.linspace(0, len(pulses) - 1, _CUTS_FOR_BEAMS).round().astype(int))
         middles, first = mean_centres(self.tx_m, self.rx_m), [p.start for p in pulses]
         width = np.linalg.norm(np.maximum.reduceat(middles, first)
                                - np.minimum.reduceat(middles, first), axis=1)
