@@ -98,7 +98,6 @@ class FusionStep(LiveStep):
         pattern = pattern_from(parameters)
         self._weighted = pattern is not None
         self._brightness = ImageBrightness(parameters, pattern, health)
-        self._carrier_hz = 0.0  # of the latest sub-aperture
         self._n_window = 0  # sub-apertures of a complete image
         self._underway = 0  # pulses since the last aperture was closed
         compile_beforehand('SpectrumFusion')  # the first image must not wait for it
@@ -126,7 +125,6 @@ class FusionStep(LiveStep):
         before = dataclasses.replace(self.live.statistics)
         images = self.follow(self.live.add, subaperture)
         self._tracks.add(subaperture)
-        self._carrier_hz = subaperture.fusion.carrier_hz
         statistics = self.live.statistics
         self._underway += subaperture.n_pulses * (statistics.fused - before.fused)
         closed = [image.aperture for image in images if image.final]
@@ -170,7 +168,7 @@ class FusionStep(LiveStep):
         report = Report(AFBP, 'fused while pulses arrived', product.predicted_error_db,
                         product.predicted_error_db)
         image = self._brightness.calibrated(
-            Image(product.image, product.grid, self._carrier_hz, report, product.stamp_ns),
+            Image(product.image, product.grid, product.carrier_hz, report, product.stamp_ns),
             lambda: self._tracks.pulses(product.aperture, weighted=self._weighted))
         if image is None:
             return

@@ -309,10 +309,10 @@ class ImageStep(BackprojectionStep):
 
     def _send(self, product: ApertureImage) -> None:
         """Publish an image, and keep it for whoever wants it as a file."""
-        counters = product.counters
+        which = product.counters, product.stamp_ns  # counters may have begun anew since
 
         def pulses() -> PulseBlock:
-            return self._pulses.pulses(counters)
+            return self._pulses.pulses(*which)
 
         image = self._brightness.calibrated(self._image(product), pulses)
         if image is not None:
@@ -321,9 +321,10 @@ class ImageStep(BackprojectionStep):
                              self._brightness.factors(image, pulses))
         if self._obstacles is not None:  # by the contrast to what is around: as it was formed
             illuminated = (None if self._pattern is None else
-                           lambda: self._pulses.lit(counters, product.grid, self._pattern))
+                           lambda: self._pulses.lit(product.counters, product.grid,
+                                                    self._pattern, product.stamp_ns))
             self._obstacles.publish(product.image, product.grid, product.stamp_ns,
-                                    lambda: self._pulses.view(counters), illuminated)
+                                    lambda: self._pulses.view(*which), illuminated)
 
     def _image(self, product: ApertureImage) -> Image:
         """The image with all that files tell of it."""
@@ -331,8 +332,8 @@ class ImageStep(BackprojectionStep):
                 else TerrainGrid(product.grid, self._heights_m))
         report = Report(product.method, 'as configured', self.parameters['target_db'],
                         product.predicted_error_db)
-        return Image(product.image, grid, self._pulses.latest.radar.carrier_hz, report,
-                     product.stamp_ns, product.counters.astype(np.int64))
+        return Image(product.image, grid, product.carrier_hz, report, product.stamp_ns,
+                     product.counters.astype(np.int64))
 
     def follow(self, work: Callable[..., list], *arguments) -> list[ApertureImage]:
         """Images, in focus where that was asked for; see `LiveStep`."""
@@ -444,7 +445,8 @@ class VolumeStep(ImageStep):
 
     def _send(self, product: ApertureImage) -> None:
         image = self._brightness.calibrated(self._image(product),
-                                            lambda: self._pulses.pulses(product.counters))
+                                            lambda: self._pulses.pulses(product.counters,
+                                                                        product.stamp_ns))
         if image is not None:
             self._cloud.publish(image, product.stamp_ns)
 

@@ -50,6 +50,8 @@ class ApertureImage:
         Counters of the pulses that the aperture should have had, ascending.
     predicted_error_db : float or None
         Expected error against exact correlation, dB; None where it is not known.
+    carrier_hz : float
+        Of the radar that sent its pulses, hertz.
     pulses : PulseBlock or None
         The pulses themselves, where they were to be kept.
     method : str
@@ -65,6 +67,7 @@ class ApertureImage:
     counters: np.ndarray
     missing: np.ndarray
     predicted_error_db: float | None
+    carrier_hz: float
     pulses: PulseBlock | None = None
     method: str = EXACT
     focus: object | None = None
@@ -194,5 +197,5 @@ class ApertureImager(ApertureSequence):
         self.statistics.images += 1
         return [ApertureImage(
             to_host(image.samples), self.grid, aperture.centre_ns(), aperture.number,
-            counters.astype(np.uint32), missing, report.predicted_error_db,
+            counters.astype(np.uint32), missing, report.predicted_error_db, image.carrier_hz,
             aperture.block() if self._keep_pulses else None, report.method)]

@@ -30,7 +30,7 @@ class FusedImage:
 
     Parameters
     ----------
-    image, grid, aperture, predicted_error_db :
+    image, grid, aperture, predicted_error_db, carrier_hz :
         As of `ApertureImage`.
     stamp_ns : int
         Time of the middle of the aperture, or of its part so far, nanoseconds since the epoch of
@@ -52,6 +52,7 @@ class FusedImage:
     n_subapertures: int
     final: bool
     predicted_error_db: float | None
+    carrier_hz: float
     focus: object | None = None
 
 
@@ -164,7 +165,8 @@ class Fusing:
         image = self._backend.form_map(polar, self.fusion.grid, self.grid, centre_m)
         return FusedImage(to_host(image), self.grid, self.stamp_ns(final=final), self.aperture,
                           n_pulses, n_missing, len(self.headers), final,
-                          None if math.isnan(error) else 10 * math.log10(error), told)
+                          None if math.isnan(error) else 10 * math.log10(error),
+                          self.fusion.grid.carrier_hz, told)
 
     def _ends_m(self) -> tuple[float, float]:
         """Ends of the aperture along its track, metres from the middle."""

@@ -80,5 +80,5 @@ def test_figure_in_words():
 def test_images_of_apertures_carry_it():
     image = speckle((20, 30), 8)
     product = ApertureImage(image, MapGrid((0.0, 0.0, 0.0), 30, 20, 1.0), 0, 0, np.arange(3),
-                            np.arange(0), -80.0)
+                            np.arange(0), -80.0, 10e9)
     assert product.focus_figure == focus_figure(image)

@@ -55,10 +55,16 @@ class RecentPulses:
             found.append(block)
         return found[::-1]
 
-    def pulses(self, counters: np.ndarray) -> PulseBlock:
+    def pulses(self, counters: np.ndarray, near_ns: int | None = None) -> PulseBlock:
         """The pulses with these counters, in the order of their times and without samples.
 
-        Of equal counters the latest counts.
+        Parameters
+        ----------
+        counters : (P,) integers
+            Of the pulses.
+        near_ns : int, optional
+            Where counters began anew, those of blocks nearest to this time count, nanoseconds;
+            by default the latest.
 
         Raises
         ------
@@ -66,8 +72,10 @@ class RecentPulses:
             One of them is not remembered, or they are of several radars.
         """
         wanted = np.unique(np.asarray(counters, np.int64))
-        found, left = [], wanted
-        for block in reversed(list(self._blocks)):
+        found, left, blocks = [], wanted, list(self._blocks)[::-1]
+        if near_ns is not None:
+            blocks.sort(key=lambda b: abs(int(b.stamp_ns[b.n_pulses // 2]) - near_ns))
+        for block in blocks:
             numbers = block.counter.astype(np.int64)
             last = len(numbers) - 1 - np.unique(numbers[::-1], return_index=True)[1]
             chosen = last[np.isin(numbers[last], left)]

@@ -293,7 +293,7 @@ class FailingAutofocus:
 
 def product(pulses, aperture):
     return ApertureImage(np.zeros((16, 16), np.complex64), None, 0, aperture, pulses.counter,
-                         np.zeros(0, np.int64), -80.0, pulses)
+                         np.zeros(0, np.int64), -80.0, pulses.radar.carrier_hz, pulses)
 
 
 def test_an_image_waits_for_the_pulses_behind_its_aperture(case, monkeypatch):

@@ -1,5 +1,6 @@
 """The last image as a file that knows where it is: asked for over real DDS, read by others."""
 
+import dataclasses
 import importlib.util
 import re
 
@@ -9,10 +10,16 @@ from std_srvs.srv import Trigger
 
 from msg_conversions.images import complex_from_message
 from sar_imaging.geometry.earth import Datum, geographic_to_ecef
+from sar_imaging.geometry.grids import MapGrid
+from sar_imaging.nodes.afbp_fusion import FusionStep
+from sar_imaging.nodes.backprojection import BackprojectionStep
+from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.streaming.subapertures import LiveSubapertures
 from sar_imaging.tools.node_processes import AFBP_NODES, NODES, PIPELINE
 
 from ..poses.test_fixes import RELIABLE, Satellites
 from ..poses.test_odometry import Platform, without_positions
+from ..step_bench import Outputs, make
 
 DATUM = Datum(69.5, 18.75, 95.0, heading_deg=-35.0)
 PLACE = {'datum.source': 'parameters'} | {f'datum.{name}': value
@@ -228,3 +235,42 @@ def test_imaging_goes_on_while_a_disk_is_slow(make_chain, psf, tmp_path, ros_env
     observer.wait(answer.done, 'the answer')
     assert (answer.result().success, answer.result().message) == (False, 'no space left')
     observer.wait_for_counters('backprojection', errors=0)
+
+
+def two_radars(psf):
+    """60 pulses of a radar, and a second later as many of another, whose counters begin anew."""
+    profiles = RangeCompressor.for_block(psf.pulses)(psf.pulses).select(slice(0, 60))
+    return profiles, dataclasses.replace(
+        profiles, radar=dataclasses.replace(profiles.radar, carrier_hz=9e9),
+        stamp_ns=profiles.stamp_ns + 10**9, tx_m=profiles.tx_m + 5.0, rx_m=profiles.rx_m + 5.0)
+
+
+@needs['sarkit']
+def test_an_image_that_another_radar_ends_is_told_with_its_own_pulses(psf, tmp_path):
+    from sar_imaging.formats import read_sicd
+
+    step, _ = make(BackprojectionStep, **PLACE, **{
+        'grid.centre_x': 10_000.0, 'grid.size_x': 10.0, 'grid.size_y': 10.0,
+        'grid.spacing': 0.4, 'save.folder': str(tmp_path), 'save.format': 'sicd'})
+    step.create_outputs(Outputs())
+    for sent, ended in zip(two_radars(psf), ([], None), strict=True):
+        images = step.process(sent)
+        assert ended is None or images == ended
+    [image] = images
+    step.publish(image)
+    [path] = written((True, step.saving()()))
+    product, first = read_sicd(path), two_radars(psf)[0]
+    assert product.image.carrier_hz == pytest.approx(10e9)
+    apart_m = np.linalg.norm(product.acquisition.centre_m.mean(axis=0)
+                             - first.phase_centre_m.mean(axis=0))
+    assert apart_m < 1.0  # the other radar is 8.7 m away
+
+
+def test_a_fused_image_has_the_carrier_of_its_sub_apertures(psf):
+    first, second = two_radars(psf)
+    parts = [part for radar in (first, second) for live in [LiveSubapertures(
+        MapGrid((10_000.0, 0.0, 0.0), 21, 21, 0.5), pulses_per_aperture=100,
+        pulses_per_subaperture=20)] for part in (*live.add(radar), *live.flush())]
+    step, _ = make(FusionStep, min_pulse_fraction=0.1)
+    images = [image for part in parts for image in step.process(part)] + step.flush()
+    assert [image.carrier_hz for image in images] == [10e9, 9e9]
