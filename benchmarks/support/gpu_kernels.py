@@ -47,12 +47,12 @@ _READ = (PAIRS, _N, _N, _a(_N, 2), _a(_D, 2), _a(_D, 1), _a(_F, 2), _a(_F, 2), _
 TYPES: dict[str, tuple[tuple, ...]] = {
     'profiles.farrow_coefficients': (
         (PAIRS, _N, _a(_F, 2), _N, _N, _N, types.boolean, _N, _N, _N, PAIRS),),
-    'illumination.light_knots': ((_a(_D, 2), _a(_D, 1), _a(_D, 1), _a(_D, 2), _a(_F, 2)),),
+    'illumination.amplitudes_at_nodes': ((_a(_D, 2), _a(_D, 1), _a(_D, 1), _a(_D, 2), _a(_F, 2)),),
     'lines.add_lines': (_LINES,),
-    'lines.add_lit_lines': ((*_LINES, _a(_F, 2), _a(_F, 1), _N, _N),),
+    'lines.add_weighted_lines': ((*_LINES, _a(_F, 2), _a(_F, 1), _N, _N),),
     'points.bound_tiles': (_TILES,),
     'points.add_points': (_POINTS,),
-    'points.add_lit_points': (
+    'points.add_weighted_points': (
         (*_POINTS, _a(_F, 2), _a(_N, 1), _a(_D, 2), _a(_F, 1), _a(_F, 1), _a(_D, 1)),),
     'points.add_pieces': (
         (PAIRS, _N, _a(_D, 2), _a(_D, 2), _a(_D, 1), _a(_D, 1), _a(_F, 3)),),
@@ -73,7 +73,7 @@ TYPES: dict[str, tuple[tuple, ...]] = {
     'beams.form_beams': (_FORMED,),
     'beams.form_single_beams': (_FORMED,),
     'beams.interpolate_beams': (_READ,),
-    'beams.interpolate_lit_beams': ((*_READ, _a(_F, 4), _N),),
+    'beams.interpolate_weighted_beams': ((*_READ, _a(_F, 4), _N),),
     'beams.fit_parabolas': (
         (_a(_D, 2), _a(_D, 1), _a(_D, 1), _a(_D, 2), _a(_N, 2), _a(_D, 2), _a(_D, 1), _a(_D, 3),
          _a(_F, 3)),)}

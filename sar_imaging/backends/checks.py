@@ -63,11 +63,11 @@ class CheckScene:
         return (block.samples.reshape(-1, block.n_samples), block.tx_m.reshape(-1, 3),
                 block.rx_m.reshape(-1, 3))
 
-    def correlation(self, points_m, factors=1.0, *, lit: bool = False) -> np.ndarray:
+    def correlation(self, points_m, factors=1.0, *, illuminated: bool = False) -> np.ndarray:
         """``sum_r w_r(x) sum_k S_rk exp(+j 2 pi f_k tau_r(x))`` at points (..., 3), complex128.
 
         Spectra are multiplied by `factors`, (P, C, K) or what is broadcast to it. w is 1, or with
-        `lit` the amplitude of `PATTERN`.
+        `illuminated` the amplitude of `PATTERN`.
         """
         rows = (self.spectra * factors).reshape(-1, len(self.frequencies_hz))
         step_hz = self.frequencies_hz[1] - self.frequencies_hz[0]
@@ -76,7 +76,7 @@ class CheckScene:
             tau = sum(np.linalg.norm(points_m - a, axis=-1) for a in (tx, rx)) / SPEED_OF_LIGHT
             series = np.polyval(row[::-1], np.exp(2j * np.pi * step_hz * tau))
             series *= np.exp(2j * np.pi * np.mod(self.frequencies_hz[0] * tau, 1.0))
-            if lit:
+            if illuminated:
                 offset = points_m - 0.5 * (tx + rx)
                 sine = -offset[..., 1] / np.linalg.norm(offset, axis=-1)
                 series *= np.interp(sine, _SINES, _CUT.amplitude, 0.0, 0.0)
@@ -271,7 +271,7 @@ def _check_arguments(made) -> str:
 
 def _check_exact(made, route: str, **options) -> str:
     """Images of one route against correlation, at two targets."""
-    if route == 'lit' and not getattr(made, 'ILLUMINATION', False):
+    if route == 'illuminated' and not getattr(made, 'ILLUMINATION', False):
         return 'not offered: ILLUMINATION is not true'
     scene = make_scene(**options)
     grid, block, echoes = scene.grid, scene.block, scene.echoes
@@ -281,19 +281,20 @@ def _check_exact(made, route: str, **options) -> str:
     elif route == 'volume':
         grid = VolumeGrid((x - 4.0, y - 4.0, z), (0.25, 0.0, 0.0), (0.0, 0.25, 0.01),
                           (0.0, 0.0, 0.5), 30, 25, 3)
-    points, pixels, lit = grid.points(), grid, None
+    points, pixels, illumination = grid.points(), grid, None
     if route == 'hills':
         points[..., 2] += 3.0 * np.exp(-(points[..., 1] / 4.0) ** 2)
         points[5, 7, 2] = np.nan
         pixels = ImagePoints.of_grid(PointGrid(points))
-    elif route == 'lit':
-        lit = Illumination.of_pulses(PATTERN, block.pointing, block.tx_m, block.rx_m)
+    elif route == 'illuminated':
+        illumination = Illumination.of_pulses(PATTERN, block.pointing, block.tx_m, block.rx_m)
     known = np.isfinite(points).all(axis=-1)
-    wanted = np.where(known, scene.correlation(np.nan_to_num(points), lit=lit is not None), 0)
+    wanted = np.where(known, scene.correlation(
+        np.nan_to_num(points), illuminated=illumination is not None), 0)
     told = ''
     for target_db in (-60.0, -80.0):
         plan = plan_backprojection(pixels, block.radar, block.n_samples, *echoes[1:], target_db,
-                                   lit)
+                                   illumination)
         if route in ('polar', 'parts'):  # a route for larger images than these
             plan = dataclasses.replace(plan, route=plan_polar(
                 grid, *echoes[1:], block.radar, block.n_samples, target_db))
@@ -306,7 +307,7 @@ def _check_exact(made, route: str, **options) -> str:
     return told
 
 
-def _afbp_plan(scene: CheckScene, target_db: float, route: str, lit: Illumination | None):
+def _afbp_plan(scene: CheckScene, target_db: float, route: str, illumination: Illumination | None):
     """Plan of the sub-apertures, and the predicted error of the map."""
     grid, block = scene.grid, scene.block
     band = None if block.compressed else PhaseHistory(block.radar, block.n_samples)
@@ -314,7 +315,7 @@ def _afbp_plan(scene: CheckScene, target_db: float, route: str, lit: Illuminatio
     cover, polar_db = cover_for_fusion(grid, *centres, block.radar, block.n_samples, target_db,
                                        band)
     plan = plan_subapertures(cover.polar, block.radar, block.n_samples, *centres,
-                             target_db=polar_db, cover=cover, band=band, illumination=lit,
+                             target_db=polar_db, cover=cover, band=band, illumination=illumination,
                              pulses_per_subaperture=16 if route == 'beams' else 48)
     beams = None
     if route == 'beams':  # a route for larger images than these
@@ -327,17 +328,18 @@ def _afbp_plan(scene: CheckScene, target_db: float, route: str, lit: Illuminatio
 
 def _check_afbp(made, route: str, **options) -> str:
     """Both stages and the map against correlation, at two targets."""
-    if route == 'lit' and not getattr(made, 'ILLUMINATION', False):
+    if route == 'illuminated' and not getattr(made, 'ILLUMINATION', False):
         return 'not offered: ILLUMINATION is not true'
     scene = make_scene(pulses=144, **options)
-    block, grid, lit = scene.block, scene.grid, None
-    if route == 'lit':
-        lit = Illumination.of_pulses(PATTERN, block.pointing, block.tx_m, block.rx_m)
+    block, grid, illumination = scene.block, scene.grid, None
+    if route == 'illuminated':
+        illumination = Illumination.of_pulses(PATTERN, block.pointing, block.tx_m, block.rx_m)
     weights = (0.5 + 0.5 * np.sin(0.02 * np.arange(block.n_pulses))).astype(np.float32)
     factors = weights[:, None, None] / (1 if block.compressed else block.n_samples)
-    wanted, told = scene.correlation(grid.points(), factors, lit=lit is not None), ''
+    wanted, told = scene.correlation(grid.points(), factors,
+                                     illuminated=illumination is not None), ''
     for target_db in (-50.0, -60.0):
-        plan, predicted_db = _afbp_plan(scene, target_db, route, lit)
+        plan, predicted_db = _afbp_plan(scene, target_db, route, illumination)
         stage, fusion = made.SubapertureImager(plan), made.SpectrumFusion(plan.fusion_grid)
         for number, pulses in enumerate(plan.sampling.pulses):
             image = stage.image(number, block.select(pulses), weights[pulses])
@@ -450,12 +452,12 @@ BACKEND_CHECKS: Mapping[str, Callable[[protocol.Backend], str]] = {
     'exact map from a polar image': _exact(route='polar', range_m=1000.0, bend_m=3.0),
     'exact map from polar images of parts': _exact(
         route='parts', range_m=400.0, pulses=200, aperture_m=60.0),
-    'exact map under a pattern': _exact(route='lit', range_m=1000.0),
+    'exact map under a pattern': _exact(route='illuminated', range_m=1000.0),
     'AFBP': _afbp(route='directly', range_m=1000.0, height_m=300.0),
     'AFBP of phase histories': _afbp(route='directly', range_m=3000.0, history=True),
     'AFBP by beams': _afbp(route='beams', range_m=3000.0, channels=2, bend_m=2.0),
     'AFBP of phase histories by beams': _afbp(route='beams', range_m=1000.0, history=True),
-    'AFBP under a pattern': _afbp(route='lit', range_m=1000.0),
+    'AFBP under a pattern': _afbp(route='illuminated', range_m=1000.0),
     'contributions of sub-apertures': _check_contributions,
     'what fusion refuses': _check_refusals,
     'correlation': _check_correlation,

@@ -104,10 +104,10 @@ class Alignment:
             There are other numbers of lever arms than one or C.
         """
         self.check_channels(n_channels)
-        turn = attitude.as_matrix()
+        rotation = attitude.as_matrix()
 
         def centres(arms):
-            turned = np.einsum('pij,cj->pci', turn, arms)
-            return np.repeat(position_m[:, None] + turned, n_channels // turned.shape[1], axis=1)
+            rotated = np.einsum('pij,cj->pci', rotation, arms)
+            return np.repeat(position_m[:, None] + rotated, n_channels // rotated.shape[1], axis=1)
 
         return centres(self.tx_m), centres(self.rx_m)

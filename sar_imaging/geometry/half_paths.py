@@ -23,43 +23,43 @@ class Paths:
         Its first to fourth derivative along the line.
     parts : tuple of int
         First row of each part of the rows that is added by itself.
-    lit : (R, S) bool, optional
-        Which rows light which points, where not all do.
+    illuminated : (R, S) bool, optional
+        Which rows illuminate which points, where not all do.
     """
 
     length: np.ndarray
     derivatives: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     parts: tuple[int, ...] = (0,)
-    lit: np.ndarray | None = None
+    illuminated: np.ndarray | None = None
 
     def reversed(self) -> Paths:
         """The same points on lines that run the other way."""
         first, second, third, fourth = self.derivatives
         return dataclasses.replace(self, derivatives=(-first, second, -third, fourth))
 
-    def with_lit(self, values) -> np.ndarray:
-        """Values (..., R, S) in which those of lit pairs, in turn, stand for all others."""
-        if self.lit is None:
+    def with_illuminated(self, values) -> np.ndarray:
+        """Values (..., R, S) in which those of illuminated pairs stand for all others."""
+        if self.illuminated is None:
             return values
-        lit = np.flatnonzero(self.lit)
-        source = np.arange(self.lit.size)
-        dark = np.flatnonzero(~self.lit)
-        source[dark] = lit[np.arange(len(dark)) * _STRIDE % len(lit)]
+        illuminated = np.flatnonzero(self.illuminated)
+        source = np.arange(self.illuminated.size)
+        dark = np.flatnonzero(~self.illuminated)
+        source[dark] = illuminated[np.arange(len(dark)) * _STRIDE % len(illuminated)]
         return values.reshape(*values.shape[:-2], -1)[..., source].reshape(values.shape)
 
-    def of_lit_rows(self, values) -> np.ndarray:
-        """Values (R, S) in which the mean of a row's lit ones stands for its others.
+    def of_illuminated_rows(self, values) -> np.ndarray:
+        """Values (R, S) in which the mean of a row's illuminated ones stands for its others.
 
-        Rows without any have that of the lit rows before and after.
+        Rows without any have that of the illuminated rows before and after.
         """
-        count, number = self.lit.sum(axis=1), np.arange(len(self.lit))
+        count, number = self.illuminated.sum(axis=1), np.arange(len(self.illuminated))
         some = count > 0
-        mean = (values * self.lit).sum(axis=1)[some] / count[some]
-        return np.where(self.lit, values, np.interp(number, number[some], mean)[:, None])
+        mean = (values * self.illuminated).sum(axis=1)[some] / count[some]
+        return np.where(self.illuminated, values, np.interp(number, number[some], mean)[:, None])
 
-    def of_lit(self, values, rows=slice(None)) -> np.ndarray:
-        """Values of lit pairs alone, (n,), from those of all pairs or of some rows."""
-        return values if self.lit is None else values[self.lit[rows]]
+    def of_illuminated(self, values, rows=slice(None)) -> np.ndarray:
+        """Values of illuminated pairs alone, (n,), from those of all pairs or of some rows."""
+        return values if self.illuminated is None else values[self.illuminated[rows]]
 
 
 def sample_paths(tx_m, rx_m, line) -> Paths:

@@ -17,9 +17,9 @@ vector d to a point has
 
 Broadside of a track so has azimuth 0 in all elevations, and azimuth alone sets the Doppler
 frequency. A pattern is the product of a cut over azimuth and one over elevation; nothing behind
-the antenna is lit. Widths are those of data sheets: the full angle between the half-power points
-of one antenna, used to transmit and to receive. The two-way amplitude there is 1/2 of the peak,
--6 dB.
+the antenna is illuminated. Widths are those of data sheets: the full angle between the half-power
+points of one antenna, used to transmit and to receive. The two-way amplitude there is 1/2 of the
+peak, -6 dB.
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ class PatternCut:
 
     @property
     def cutoff_rad(self) -> tuple[float, float]:
-        """Least and largest angle that is lit, radians."""
+        """Least and largest angle that is illuminated, radians."""
         stop = self.start + self.step * (len(self.amplitude) - 1)
         return math.asin(max(self.start, -1.0)), math.asin(min(stop, 1.0))
 
@@ -284,10 +284,10 @@ class AntennaPattern:
         right, ahead, up = np.moveaxis(np.einsum('...ij,...j->...i', axes, offset_m), -1, 0)
         distance = np.sqrt(right ** 2 + ahead ** 2 + up ** 2)
         within = np.sqrt(ahead ** 2 + up ** 2)
-        lit = (ahead > 0) & (distance > 0)
-        azimuth = self.azimuth.at_sine(right / np.where(lit, distance, 1.0))
-        return np.where(lit, azimuth * self.elevation.at_sine(up / np.where(lit, within, 1.0)),
-                        0.0)
+        in_front = (ahead > 0) & (distance > 0)
+        azimuth = self.azimuth.at_sine(right / np.where(in_front, distance, 1.0))
+        elevation = self.elevation.at_sine(up / np.where(in_front, within, 1.0))
+        return np.where(in_front, azimuth * elevation, 0.0)
 
 
 def _check_angles(width_rad: float, cutoff_rad: float) -> None:
@@ -526,7 +526,7 @@ def _centres(centre_m) -> np.ndarray:
 
 
 _TAIL = np.geomspace(2.0, 100.0, 25)  # times the rms frequency
-_STEP = 0.002  # of the angle that is lit, for a derivative
+_STEP = 0.002  # of the illuminated angle, for a derivative
 
 
 @dataclasses.dataclass(frozen=True)
@@ -636,15 +636,15 @@ class Illumination:
 
     def lights(self, points_m) -> np.ndarray | None:
         """(R, S) bool which points (S, 3), metres, each echo lights; None where all may be."""
-        lit = None if self.foreseen else self.amplitude(points_m) > 0
-        return lit if lit is not None and lit.any() else None
+        illuminated = None if self.foreseen else self.amplitude(points_m) > 0
+        return illuminated if illuminated is not None and illuminated.any() else None
 
     def may_light(self, points_m, shape: tuple[int, ...]) -> np.ndarray | None:
         """(R, S) bool which points of a mesh bound a cell of it that an echo may light.
 
         Points (S, 3), metres, are a mesh of `shape`. The directions beyond one end of a pattern,
         and those behind the antenna, form convex cones: where all corners of a flat cell lie in
-        one of them, it is dark. None where all may be lit, or none is.
+        one of them, it is dark. None where all may be illuminated, or none is.
         """
         if self.foreseen:
             return None
@@ -654,14 +654,14 @@ class Illumination:
             before, after = (np.take(cells, np.arange(cells.shape[axis] - 1) + i, axis)
                              for i in (0, 1))
             cells = before & after
-        lit = cells == 0
+        illuminated = cells == 0
         for axis in axes:
-            beyond = [(0, 0)] * lit.ndim
+            beyond = [(0, 0)] * illuminated.ndim
             beyond[axis] = (1, 1)
-            wider = np.pad(lit, beyond)
-            lit = np.logical_or(*(np.take(wider, np.arange(wider.shape[axis] - 1) + i, axis)
-                                  for i in (0, 1)))
-        return lit.reshape(len(lit), -1) if lit.any() else None
+            wider = np.pad(illuminated, beyond)
+            illuminated = np.logical_or(*(
+                np.take(wider, np.arange(wider.shape[axis] - 1) + i, axis) for i in (0, 1)))
+        return illuminated.reshape(len(illuminated), -1) if illuminated.any() else None
 
     def dark_cones(self, points_m) -> np.ndarray:
         """(R, S) uint8 in which of the cones beyond ends of the pattern points lie, bit by bit."""
@@ -678,7 +678,7 @@ class Illumination:
 
     def of_paths(self, paths: Paths, points_m) -> Paths:
         """Paths of the echoes to points (S, 3), metres, that know which of these they light."""
-        return dataclasses.replace(paths, lit=self.lights(points_m))
+        return dataclasses.replace(paths, illuminated=self.lights(points_m))
 
     def spread(self, points_m, direction_m) -> AmplitudeSpread:
         """Frequencies of the amplitudes along a direction, radians per unit of it.

@@ -139,7 +139,7 @@ class DatumSearch:
     """Find the datum of a frame while its platform moves.
 
     With a given heading one fix tells the datum. Without, places at least `baseline_m` apart do:
-    the turn and the shift about the vertical that bring the fixes closest to the places (least
+    the rotation and the shift about the vertical that bring the fixes closest to the places (least
     squares; Umeyama 1991 in two dimensions, without scale), repeated with the datum found until
     the curvature of the Earth is in it.
 
@@ -244,13 +244,13 @@ def _fitted(ecef_m: np.ndarray, place_m: np.ndarray) -> Datum:
         found = datum.from_ecef(ecef_m)
         centre = found.mean(axis=0)
         a, b = (found - centre)[:, :2], (place_m - middle)[:, :2]
-        turn = math.atan2(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), np.sum(a * b))
-        cosine, sine = math.cos(turn), math.sin(turn)
+        angle = math.atan2(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), np.sum(a * b))
+        cosine, sine = math.cos(angle), math.sin(angle)
         back = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
         shift = centre - back @ middle  # of the origin, along the axes so far
-        heading = math.remainder(datum.heading_deg + math.degrees(turn), 360.0)
+        heading = math.remainder(datum.heading_deg + math.degrees(angle), 360.0)
         datum = _at(datum.to_ecef(shift), heading)
-        if np.linalg.norm(shift) < _ENOUGH_M and abs(turn) < 1e-12:
+        if np.linalg.norm(shift) < _ENOUGH_M and abs(angle) < 1e-12:
             break
     return datum
 
@@ -301,7 +301,7 @@ class FramePose(NamedTuple):
 class FixPoses:
     """Turn fixes of satellite navigation, and attitudes, into poses in a frame.
 
-    Without attitudes every fix is a pose, turned as the frame is: its position is that of the
+    Without attitudes every fix is a pose, rotated as the frame is: its position is that of the
     antenna. With attitudes there is a pose at the time of each: the place of the antenna is
     interpolated between the fixes as `PoseTrack` does, once three fixes behind it are known, and
     the lever arm of the antenna is subtracted. Attitudes turn body vectors into east, north and
@@ -366,13 +366,13 @@ class FixPoses:
         quaternion : (4,) array_like
             x, y, z, w: turns body vectors (x forward, y left, z up) into east, north, up.
         """
-        turn = tuple(float(v) for v in quaternion)
-        if not abs(math.hypot(*turn) - 1) <= _NORM_TOLERANCE:  # NaN as well
+        quaternion = tuple(float(v) for v in quaternion)
+        if not abs(math.hypot(*quaternion) - 1) <= _NORM_TOLERANCE:  # NaN as well
             self.n_unused += 1
             return []
-        self._attitudes.append((stamp_ns, turn))
+        self._attitudes.append((stamp_ns, quaternion))
         behind = self._fix_stamps[0] if len(self._fix_stamps) == REACH else stamp_ns
-        return self._turned() if stamp_ns < behind else []
+        return self._rotated() if stamp_ns < behind else []
 
     def take(self) -> list[FramePose]:
         """Poses that are known now and were not returned yet, in the order of their times."""
@@ -388,9 +388,9 @@ class FixPoses:
             elif self._track.add(fix.stamp_ns, place_m, _LEVEL) == PoseVerdict.RESTART:
                 self._track = self._track.successor()
                 self._attitudes.clear()
-        return poses or self._turned()
+        return poses or self._rotated()
 
-    def _turned(self) -> list[FramePose]:
+    def _rotated(self) -> list[FramePose]:
         """Poses at the times of the attitudes that fixes surround."""
         if not self._attitudes or not len(self._track):
             return []
@@ -408,10 +408,10 @@ class FixPoses:
             return []
         latitude, longitude, _ = self.datum.to_geographic(places.position_m[ready])
         from_enu = Rotation.from_matrix(self.datum.axes_ecef @ _enu_to_ecef(latitude, longitude))
-        turn = from_enu * Rotation.from_quat([waiting[i][1] for i in ready])
-        position = places.position_m[ready] - turn.apply(self._antenna_m)
+        rotation = from_enu * Rotation.from_quat([waiting[i][1] for i in ready])
+        position = places.position_m[ready] - rotation.apply(self._antenna_m)
         return [FramePose(int(stamp), tuple(place), tuple(quaternion)) for stamp, place, quaternion
-                in zip(stamps[ready], position.tolist(), turn.as_quat().tolist(), strict=True)]
+                in zip(stamps[ready], position.tolist(), rotation.as_quat().tolist(), strict=True)]
 
 
 def _enu_to_ecef(latitude_deg: np.ndarray, longitude_deg: np.ndarray) -> np.ndarray:

@@ -144,18 +144,19 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     if illumination is not None:
         paths = illumination.of_paths(paths, lines[0])
         spread = illumination.spread(lines[0], by_direction)
-    slope, length = paths.derivatives[0], paths.of_lit(paths.length)
+    slope, length = paths.derivatives[0], paths.of_illuminated(paths.length)
     extent = float(np.ptp(length))
-    if paths.of_lit(slope).min() <= 0:
+    if paths.of_illuminated(slope).min() <= 0:
         return None
     slope_alpha = half_paths(tx_m, rx_m, lines[0], by_direction)[1]
     # along a line of the map the direction changes with range, too
     step = (lines[0][:, axis] - frame.origin_m[axis]) / r
     alpha_by_range = (frame.track[axis] / step - alpha) / r
     slope_line = slope + slope_alpha * alpha_by_range
-    if paths.lit is not None:
-        slope_line, slope = paths.with_lit(slope_line), paths.with_lit(slope)
-        slope_alpha, of_lit = paths.of_lit_rows(slope_alpha), paths.with_lit(slope_alpha)
+    if paths.illuminated is not None:
+        slope_line, slope = paths.with_illuminated(slope_line), paths.with_illuminated(slope)
+        slope_alpha, of_lit = (paths.of_illuminated_rows(slope_alpha),
+                               paths.with_illuminated(slope_alpha))
     else:
         of_lit = slope_alpha
     ends = np.array(radar.wavenumbers_rad_per_m)
@@ -200,8 +201,8 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         between_db = 10 * math.log10(10 ** (between_db / 10) + tail)
     return PolarCover(grid, polar, ratio, lattice, window, range_m, axis, between, along,
                       slope_alpha, weight, between_db, along_db, window.mean_end_error_db(
-                          paths.length, oversampling=lattice.oversampling(radar), lit=paths.lit),
-                      spread)
+                          paths.length, oversampling=lattice.oversampling(radar),
+                          lit=paths.illuminated), spread)
 
 
 def _frame(grid: MapGrid, centres) -> tuple[PolarGrid, int] | None:

@@ -420,7 +420,7 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
     periodic : bool
         The samples are a period, which no zeros may extend.
     """
-    slope = paths.of_lit(paths.derivatives[0])
+    slope = paths.of_illuminated(paths.derivatives[0])
     if not slope.size or slope.min() <= 0:
         return None
     middle = 0.5 * float(slope.min() + slope.max())
@@ -487,8 +487,8 @@ def _predicted_db(lattice, interpolation_db, errors) -> float:
 
 def _slopes_of_some(paths: Paths) -> np.ndarray:
     echoes = _some_echoes(len(paths.length))
-    slope = paths.of_lit(paths.derivatives[0][echoes], echoes)
-    return slope if slope.size else paths.of_lit(paths.derivatives[0])
+    slope = paths.of_illuminated(paths.derivatives[0][echoes], echoes)
+    return slope if slope.size else paths.of_illuminated(paths.derivatives[0])
 
 
 def _some_echoes(n: int) -> np.ndarray:
@@ -500,7 +500,7 @@ def _from_shared(paths: Paths) -> list[np.ndarray]:
     n = len(paths.length)
     echoes = _some_echoes(n)
     middle = middle_of_pass(echoes, paths.parts, n)
-    found = [paths.of_lit(d[echoes] - d[middle], echoes) for d in paths.derivatives]
+    found = [paths.of_illuminated(d[echoes] - d[middle], echoes) for d in paths.derivatives]
     return found if found[0].size else [np.zeros(1)] * len(found)
 
 
@@ -531,7 +531,7 @@ def _expansion_errors(paths, radar):
     a2, b2 = a * a, b * b
     quartic = np.hypot(a2 * a2 / 24 - b2 / 2 - a * c, a2 * b / 2) / 8 / math.sqrt(2)
     quintic = np.hypot(a2 * a * b / 6, a2 * a2 * a / 120 - a * b2 / 2 - a2 * c / 2) / 4
-    third, fourth = (_rms(paths.of_lit(d)) for d in paths.derivatives[2:])
+    third, fourth = (_rms(paths.of_illuminated(d)) for d in paths.derivatives[2:])
     return ((3, band / math.sqrt(7) / 6 * third), (4, k / 3 / 24 * fourth), (4, _rms(quartic)),
             (5, _rms(quintic)))
 

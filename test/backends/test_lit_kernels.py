@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings, strategies as st
 
 from sar_imaging.backends import cpu, reference
-from sar_imaging.backends.cpu.illumination import LitEchoes, LitTiles
+from sar_imaging.backends.cpu.illumination import Antennas, TileAmplitudes
 from sar_imaging.geometry import MapGrid, TerrainGrid
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.planning.exact.backprojection import plan_backprojection
@@ -89,7 +89,7 @@ def test_no_lit_tile_is_left_out(seed, width, squint, apart):
                 + np.multiply.outer(line, [grid.spacing_m, 0.0, 0.0]),)
 
     knots = knot_positions(locate, grid.n_x, grid.n_y, segment, apart)
-    found, any_lit, amplitude, knot, between = LitTiles(LitEchoes.of(lit), *knots).amplitudes(
+    found, any_lit, amplitude, knot, between = TileAmplitudes(Antennas.of(lit), *knots).amplitudes(
         slice(0, None))
     expected = lit.amplitude(np.moveaxis(knots[0], 0, -1))  # (R, G, P, K)
     tiles = np.stack([expected[:, :, 2 * s:2 * s + 3].max(axis=(2, 3))

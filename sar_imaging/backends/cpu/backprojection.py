@@ -15,7 +15,7 @@ from ...geometry.polar import PolarGrid
 from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
 from ...planning.exact.points import PointPlan, image_layers
 from ...planning.exact.polar_image import DEGREE, TAPS, AzimuthParts, PolarPlan
-from .illumination import LitEchoes, LitTiles
+from .illumination import Antennas, TileAmplitudes
 from .lines import PolarLines, line_middles, project_lines, shared_phase
 from .memory import WorkSpace, aligned_empty
 from .points import project_points
@@ -208,16 +208,16 @@ class _Lines:
                                       route.lattice.segment), layout)
                         for layer, layout in enumerate(lines.layouts)]
         self._phase = shared_phase(self._profiles, lines.n_pixels)
-        self._lit = None
+        self._tiles = None
         if route.lit is not None:
-            echoes = LitEchoes.of(plan.illumination)
-            self._lit = [LitTiles(echoes, *route.lit.knots(
+            echoes = Antennas.of(plan.illumination)
+            self._tiles = [TileAmplitudes(echoes, *route.lit.knots(
                 lines.locate(layer), lines.n_lines, lines.n_pixels, route.lattice.segment))
                 for layer in range(len(lines.layouts))]
 
     def add(self, samples, tx_m, rx_m, image) -> None:
         project_lines(self._profiles, samples, tx_m, rx_m, self._layers, self._phase,
-                      image.reshape(-1).view(np.float32), self._lit)
+                      image.reshape(-1).view(np.float32), self._tiles)
 
 
 class _Points:

@@ -49,7 +49,7 @@ from ...planning.afbp.lit_subapertures import NODES_APART, AmplitudeNodes
 from ...planning.afbp.subapertures import SubaperturePlan
 from ...signal.pulses import PulseBlock
 from .fft import transform_rows
-from .illumination import LitEchoes, two_way_amplitudes
+from .illumination import Antennas, two_way_amplitudes
 from .instructions import (
     FLOAT,
     INT,
@@ -107,26 +107,29 @@ def sum_cells(b, index, size, along, across, work, weights, source, target, apar
     Source and target are in `work`: what `sum_beams` left, and real and imaginary part, so much
     apart each. `along` holds the coefficients, from that of degree 1, of the drift between cells
     as a polynomial of the index; `across` first the two of the drift between beams, then, from
-    degree 0, the two of that by how much of the second order the sum is turned.
+    degree 0, the two of that by how much of the second order the sum is rotated.
     """
     _sum_cells(b, index, size, along, across, work, weights, source, target, apart)
 
 
 @instructions(None, _uint64, None, None, None, _uint64, _uint64, _uint64, _uint64, None)
-def sum_lit_cells(b, index, size, along, across, work, weights, source, target, apart, lit):
+def sum_weighted_cells(b, index, size, along, across, work, weights, source, target, apart,
+                       parabolas):
     """As `sum_cells`, of echoes whose amplitude is a parabola of their phase from beam to beam.
 
-    `lit` holds, from degree 0, the two coefficients by index of A, of B and of C: the sum is A
-    times the beams', less j B times their first derivative, less C times their second one.
+    `parabolas` holds, from degree 0, the two coefficients by index of A, of B and of C: the sum is
+    A times the beams', less j B times their first derivative, less C times their second one.
     """
-    _sum_cells(b, index, size, along, across, work, weights, source, target, apart, lit)
+    _sum_cells(b, index, size, along, across, work, weights, source, target, apart, parabolas)
 
 
-def _sum_cells(b, index, size, along, across, work, weights, source, target, apart, lit=None):
+def _sum_cells(b, index, size, along, across, work, weights, source, target, apart,
+               parabolas=None):
     v1, v2, v3 = (b.spread(b.extract_value(along, i), _WIDTH) for i in range(3))
     u1, u2, bend, bend1 = (b.spread(b.extract_value(across, i), _WIDTH) for i in range(4))
-    if lit is not None:
-        lit = [b.spread(b.extract_value(lit, i), _WIDTH) for i in range(6)]
+    if parabolas is not None:
+        whole0, whole1, once0, once1, twice0, twice1 = (
+            b.spread(b.extract_value(parabolas, i), _WIDTH) for i in range(6))
     with cgutils.for_range_slice(b, INT(0), size, INT(2 * _WIDTH), inc=True) as (pixel, _):
         numbers = [_load(b, index, pixel, at) for at in _VECTORS]
         drifts = [f * (v1 + f * (v2 + f * v3)) for f in numbers]
@@ -144,10 +147,10 @@ def _sum_cells(b, index, size, along, across, work, weights, source, target, apa
             t, c = f * (u1 + f * u2), bend + f * bend1
             re = re0 + t * (re1 + t * re2) + -c * im2
             im = im0 + t * (im1 + t * im2) + c * re2
-            if lit is not None:
+            if parabolas is not None:
                 # of the second derivative the weights hold half
-                one, two = lit[2] + f * lit[3], (lit[4] + f * lit[5]) * -2.0
-                whole, twice = lit[0] + f * lit[1], t + t
+                one, two = once0 + f * once1, (twice0 + f * twice1) * -2.0
+                whole, twice = whole0 + f * whole1, t + t
                 re, im = (whole * re + one * (im1 + twice * im2) + two * re2,
                           whole * im + -one * (re1 + twice * re2) + two * im2)
             _store(b, work, b.add(target, b.add(pixel, INT(at))), apart, (re, im))
@@ -224,13 +227,13 @@ def _extra_paths(centres_m, plane, range_m, direction):
     n_echoes, n_directions = centres_m.shape[1], len(direction)
     height, square = plane[4], range_m * range_m
     x, y = np.empty(n_echoes), np.empty(n_echoes)
-    own, share = np.empty(n_echoes), np.empty(n_echoes)
+    offset, share = np.empty(n_echoes), np.empty(n_echoes)
     path = np.zeros((n_directions, n_echoes))
     for end in range(2):
         apart = False  # transmitters and receivers
         for r in range(n_echoes):
             x[r], y[r], z = centres_m[end, r, 0], centres_m[end, r, 1], centres_m[end, r, 2]
-            own[r] = x[r] * x[r] + y[r] * y[r] + z * z + 2 * z * height
+            offset[r] = x[r] * x[r] + y[r] * y[r] + z * z + 2 * z * height
             share[r] = 1.0 - end
             if (x[r] != centres_m[1 - end, r, 0] or y[r] != centres_m[1 - end, r, 1]
                     or z != centres_m[1 - end, r, 2]):
@@ -245,7 +248,7 @@ def _extra_paths(centres_m, plane, range_m, direction):
             py = along * plane[1] + across * plane[3]
             beyond = px * px + py * py + height * height - square
             for r in range(n_echoes):
-                longer = own[r] + beyond - 2 * (x[r] * px + y[r] * py)  # squared
+                longer = offset[r] + beyond - 2 * (x[r] * px + y[r] * py)  # squared
                 path[s, r] += share[r] * longer / (np.sqrt(square + longer) + range_m)
     return path
 
@@ -290,10 +293,10 @@ def echo_phasors(path_m, group: int, paired: bool, cycles) -> EchoPhasors:
     middle = (upper + lower).sum(axis=1) / (2 * half)
     beside = 0.5 * (upper - lower)
     if paired:
-        own, other = np.split(beside, 2, axis=2)
-        beside = 0.5 * (own - other)
+        first, second = np.split(beside, 2, axis=2)
+        beside = 0.5 * (first - second)
         alone = echoes[1] < 0  # the middle of an odd number
-        beside[:, :, alone] = own[:, :, alone]
+        beside[:, :, alone] = first[:, :, alone]
 
     def by_block(values):
         """Both echoes of each phasor of a block, then those of the next block."""
@@ -344,15 +347,15 @@ def _step_phasors(cycles) -> np.ndarray:
 _SAME = 1e-9  # radians by which phases differ that are taken for the same
 
 
-class LitLines:
-    """Knots of the amplitudes along the lines of a coarse grid.
+class AmplitudeParabolas:
+    """Support points of the amplitudes along the lines of a coarse grid.
 
     Parameters
     ----------
     polar : PolarGrid
         Polar grid of sub-aperture images.
     apart : int
-        Pixels between knots.
+        Pixels between support points.
     """
 
     def __init__(self, polar: PolarGrid, apart: int):
@@ -382,14 +385,16 @@ class LitLines:
                  geometry.range_m, *geometry.known, rad_per_m)
         offsets = np.stack([nodes.tx_m, nodes.rx_m]) - geometry.centre_m
         # a plain tuple: Numba takes 20 us to tell the type of a named one
-        found = _parabolas(tuple(LitEchoes.of(nodes.illumination)), self._positions,
+        found = _parabolas(tuple(Antennas.of(nodes.illumination)), self._positions,
                            geometry.centre_m, offsets, plane)
         return found.reshape(3, *self._shape)
 
 
 @njit(fastmath=DETERMINISTIC, error_model='numpy')
 def _parabolas(echoes, positions, centre, offsets, plane):
-    """`LitLines.parabolas` at positions (3, N); `offsets` (2, 3, 3) of the nodes' phase centres.
+    """`AmplitudeParabolas.parabolas` at positions (3, N).
+
+    `offsets` (2, 3, 3) are those of the nodes' phase centres.
 
     `plane` holds the horizontal unit vectors along and across the track, the height of the middle
     above the plane, the distance at which paths are compared, metres, the extremes of the
@@ -400,7 +405,7 @@ def _parabolas(echoes, positions, centre, offsets, plane):
     x, y = np.empty((3, n)), np.empty((3, n))
     for node in range(3):
         _phases(positions, centre, offsets[:, node], plane, x[node])
-        two_way_amplitudes(LitEchoes(*echoes), node, positions, y[node])
+        two_way_amplitudes(Antennas(*echoes), node, positions, y[node])
     for i in range(n):
         x0, x1, x2 = x[0, i], x[1, i], x[2, i]
         y0, y1, y2 = y[0, i], y[1, i], y[2, i]
@@ -436,8 +441,8 @@ def _phases(positions, centre, ends, plane, out):
         direction = direction if direction > low else low
         along = range_m * (direction if direction < high else high)
         across = np.sqrt(square - along * along - height * height)
-        turn = along / across
-        ux, uy = tx - turn * ax, ty - turn * ay
+        tangent = along / across
+        ux, uy = tx - tangent * ax, ty - tangent * ay
         px, py = along * tx + across * ax, along * ty + across * ay
         out[i] = factor * (
             (x0 * ux + y0 * uy) / np.sqrt(own0 - 2.0 * (x0 * px + y0 * py))
@@ -511,8 +516,8 @@ def form_beams(spectra, path_m, bins: SpectrumBins, between: BeamGain, weights, 
     phasors = echo_phasors(path_m, group, paired, bins.cycles)
     n_tasks, half = numba.get_num_threads(), -(-group // 2)
     sizes = {'base re': BINS * len(phasors.order), 'base im': BINS * len(phasors.order),
-             'turn re': len(phasors.middle) * LANES, 'turn im': len(phasors.middle) * LANES,
-             'turn steps': 2 * len(phasors.middle), 'echoes': 4 * ECHOES * LANES,
+             'middle re': len(phasors.middle) * LANES, 'middle im': len(phasors.middle) * LANES,
+             'middle steps': 2 * len(phasors.middle), 'echoes': 4 * ECHOES * LANES,
              'phasor re': len(phasors.beside), 'phasor im': len(phasors.beside),
              'sums': 4 * half * BINS}
     work = tuple(buffer(name, (n_tasks * size,), np.float32) for name, size in sizes.items())
@@ -535,16 +540,16 @@ def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, w
     the next. The middle one of an odd group is a pair's both.
     """
     runs, common, cycles_per_bin, n_cells = bins
-    order, shift, carrier, slope, beside, turn_step, phasor_step = phasors
+    order, shift, carrier, slope, beside, middle_step, phasor_step = phasors
     log_gain, gain_step = gain
-    base_re, base_im, turn_re, turn_im, turn_steps, echoes, phasor_re, phasor_im, sums = work
+    base_re, base_im, middle_re, middle_im, middle_steps, echoes, phasor_re, phasor_im, sums = work
     n_bins, n_beams, n_out = shape
     kept = min(n_bins, n_cells)
     n_echoes, n_groups, half = len(order), (n_beams + group - 1) // group, (group + 1) // 2
-    n_turns, n_phasors = n_groups * n_echoes * LANES, len(beside)
+    n_middles, n_phasors = n_groups * n_echoes * LANES, len(beside)
     n_blocks = n_phasors // (n_groups * half * ECHOES)
     per_block = n_echoes // n_blocks
-    middle, n_tasks = 0.5 * (LANES - 1), len(echoes) // (ECHOES * 4 * LANES)
+    vector_middle, n_tasks = 0.5 * (LANES - 1), len(echoes) // (ECHOES * 4 * LANES)
     for task in numba.prange(n_tasks):
         run = take_job(jobs)
         while run < len(runs):
@@ -553,7 +558,7 @@ def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, w
                                _u(2 * (m * n_out + n_cells - kept // 2))):
                     out[i] = 0.0
             first, target, number, left = runs[run, 0], runs[run, 1], runs[run, 2], runs[run, 3]
-            base, turn, phasor = task * BINS * n_echoes, task * n_turns, task * n_phasors
+            base, first_middle, phasor = task * BINS * n_echoes, task * n_middles, task * n_phasors
             echo, total = task * ECHOES * 4 * LANES, task * 4 * half * BINS
             n_steps = n_groups * n_echoes
             steps = 2 * task * n_steps
@@ -566,16 +571,16 @@ def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, w
                 rate = _read_table(log_gain, np.abs(slope[k] * ends[1]) / gain_step) - grown
                 rate /= (1.0 - 2.0 * _GAUSS) * left
                 first_gain = np.float32(np.exp(grown - _GAUSS * left * rate))
-                to, x = _u(turn + k * LANES), np.float32(rate)
+                to, x = _u(first_middle + k * LANES), np.float32(rate)
                 for i in range(LANES):
                     c = np.float32(_fraction(start + i * cycles))
                     gain = first_gain * _exp(x * np.float32(i))
-                    turn_re[to + _u(i)] = gain * _cos_cycles(c * c)
-                    turn_im[to + _u(i)] = gain * _sin_cycles(c, c * c)
+                    middle_re[to + _u(i)] = gain * _cos_cycles(c * c)
+                    middle_im[to + _u(i)] = gain * _sin_cycles(c, c * c)
                 gain = _exp(x * np.float32(LANES))
-                turn_steps[_u(steps + k)] = gain * turn_step[_u(k)]
-                turn_steps[_u(steps + n_steps + k)] = gain * turn_step[_u(n_steps + k)]
-            per_metre = cycles_per_bin[0] + (number + middle) * cycles_per_bin[1]
+                middle_steps[_u(steps + k)] = gain * middle_step[_u(k)]
+                middle_steps[_u(steps + n_steps + k)] = gain * middle_step[_u(n_steps + k)]
+            per_metre = cycles_per_bin[0] + (number + vector_middle) * cycles_per_bin[1]
             for k in range(_u(n_phasors)):
                 c = np.float32(_fraction(per_metre * beside[k]))
                 phasor_re[_u(phasor) + k] = _cos_cycles(c * c)
@@ -591,8 +596,8 @@ def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, w
                     for b in range(g * n_blocks, (g + 1) * n_blocks):
                         source = base + (b - g * n_blocks) * per_block * BINS
                         for v in range(n_vectors):
-                            _turn(base_re, base_im, source + v * per_block * LANES, turn_re,
-                                  turn_im, turn + b * per_block * LANES, turn_steps,
+                            _rotate(base_re, base_im, source + v * per_block * LANES, middle_re,
+                                  middle_im, first_middle + b * per_block * LANES, middle_steps,
                                   steps + b * per_block, n_steps, per_block, echoes, echo)
                             add_echoes(echoes, _u(echo), phasor_re, phasor_im,
                                        _u(phasor + b * half * ECHOES), _u(half), sums,
@@ -668,31 +673,31 @@ def _load_echoes(samples, n_bins, first, count, common, weights, order, per_bloc
 
 
 @njit(inline='always')
-def _turned(base_re, base_im, source, turn_re, turn_im, now, cosine_step, sine_step):
+def _advance(base_re, base_im, source, middle_re, middle_im, now, cosine_step, sine_step):
     """Sample times its phasor, which moves on by a vector."""
-    cosine, sine = turn_re[now], turn_im[now]
+    cosine, sine = middle_re[now], middle_im[now]
     x, y = base_re[source], base_im[source]
-    turn_re[now] = cosine * cosine_step - sine * sine_step
-    turn_im[now] = cosine * sine_step + sine * cosine_step
+    middle_re[now] = cosine * cosine_step - sine * sine_step
+    middle_im[now] = cosine * sine_step + sine * cosine_step
     return x * cosine - y * sine, x * sine + y * cosine
 
 
 @njit(inline='always')
-def _turn(base_re, base_im, base, turn_re, turn_im, turn, step, first, n_steps, n_echoes, echoes,
-          echo):
+def _rotate(base_re, base_im, base, middle_re, middle_im, middle, step, first, n_steps, n_echoes,
+            echoes, echo):
     """A block of echoes from the group's middle: what a phasor's real and imaginary part count.
 
     An echo's phasor multiplies its samples and j times them; where echoes share one, their sum and
     j times their difference.
     """
     for k in range(ECHOES):
-        source, now, to = _u(base + k * LANES), _u(turn + k * LANES), _u(echo + 4 * k * LANES)
+        source, now, to = _u(base + k * LANES), _u(middle + k * LANES), _u(echo + 4 * k * LANES)
         cosine, sine = step[_u(first + k)], step[_u(n_steps + first + k)]
         if n_echoes == ECHOES:
             for lane in range(LANES):
                 i = _u(lane)
-                re, im = _turned(base_re, base_im, source + i, turn_re, turn_im, now + i, cosine,
-                                 sine)
+                re, im = _advance(base_re, base_im, source + i, middle_re, middle_im, now + i,
+                                  cosine, sine)
                 echoes[to + i], echoes[to + _u(LANES) + i] = re, im
                 echoes[to + _u(2 * LANES) + i], echoes[to + _u(3 * LANES) + i] = -im, re
         else:
@@ -700,9 +705,9 @@ def _turn(base_re, base_im, base, turn_re, turn_im, turn, step, first, n_steps, 
             c, s = step[_u(first + ECHOES + k)], step[_u(n_steps + first + ECHOES + k)]
             for lane in range(LANES):
                 i = _u(lane)
-                re, im = _turned(base_re, base_im, source + i, turn_re, turn_im, now + i, cosine,
-                                 sine)
-                x, y = _turned(base_re, base_im, other + i, turn_re, turn_im, then + i, c, s)
+                re, im = _advance(base_re, base_im, source + i, middle_re, middle_im, now + i,
+                                  cosine, sine)
+                x, y = _advance(base_re, base_im, other + i, middle_re, middle_im, then + i, c, s)
                 echoes[to + i], echoes[to + _u(LANES) + i] = re + x, im + y
                 echoes[to + _u(2 * LANES) + i], echoes[to + _u(3 * LANES) + i] = y - im, re - x
 
@@ -759,8 +764,8 @@ class BeamPlaces(NamedTuple):
 
 
 @njit(parallel=True, fastmath=DETERMINISTIC)
-def interpolate_beams(beams, shape, lines, geometry, between, along, index, image, work, jobs, lit,
-                      lit_apart):
+def interpolate_beams(beams, shape, lines, geometry, between, along, index, image, work, jobs,
+                      parabolas, segments_apart):
     """Interpolate beams to the lines of a polar image at range baseband.
 
     `backends.reference.interpolate_beams` has the formula. Within a segment of a line the places
@@ -789,11 +794,11 @@ def interpolate_beams(beams, shape, lines, geometry, between, along, index, imag
         whole vectors.
     work, jobs : (T * work_size(segment),) float32, int
         Work space of T tasks, and the address of a `job_counter`.
-    lit : (3, n_lines, K) float32 or None
-        Amplitude of echoes by their phase from beam to beam, `LitLines.parabolas`; None where all
-        pixels are lit alike.
-    lit_apart : int
-        Segments between its knots.
+    parabolas : (3, n_lines, K) float32 or None
+        Amplitude of echoes by their phase from beam to beam, see `AmplitudeParabolas.parabolas`;
+        None where all pixels are illuminated alike.
+    segments_apart : int
+        Segments between its support points.
     """
     centre, track, range_m, direction, cycles_per_m, zero_cycles, curvature = geometry
     n_beams, n_cells, n_lines, n_pixels, segment = shape
@@ -851,16 +856,16 @@ def interpolate_beams(beams, shape, lines, geometry, between, along, index, imag
                 source = _u(2 * (row * n_cells + start))
                 fetch(beams, source + _u(BEAM_TAPS) * apart, _u(2 * n_mixed))  # for the next line
                 sum_beams(beams, source, apart, part, work, w, mixed)
-                if lit is None:
+                if parabolas is None:
                     sum_cells(index, _u(segment), (v1, v2, v3), (u1, u2, bend, bend1), work,
                               w + _u(3 * STORED), mixed + _u(place - start), sums, part)
                 else:
-                    a0, a1 = _along_segment(lit, line, number, lit_apart, segment, 0)
-                    b0, b1 = _along_segment(lit, line, number, lit_apart, segment, 1)
-                    q0, q1 = _along_segment(lit, line, number, lit_apart, segment, 2)
-                    sum_lit_cells(index, _u(segment), (v1, v2, v3), (u1, u2, bend, bend1), work,
-                                  w + _u(3 * STORED), mixed + _u(place - start), sums, part,
-                                  (a0, a1, b0, b1, q0, q1))
+                    a0, a1 = _along_segment(parabolas, line, number, segments_apart, segment, 0)
+                    b0, b1 = _along_segment(parabolas, line, number, segments_apart, segment, 1)
+                    q0, q1 = _along_segment(parabolas, line, number, segments_apart, segment, 2)
+                    sum_weighted_cells(index, _u(segment), (v1, v2, v3), (u1, u2, bend, bend1),
+                                       work, w + _u(3 * STORED), mixed + _u(place - start), sums,
+                                       part, (a0, a1, b0, b1, q0, q1))
                 some = _u(min(segment, n_pixels - number * segment))
                 real = _u(line * n_pixels + number * segment)
                 imag = real + _u(n_lines * n_pixels)
@@ -877,12 +882,12 @@ def interpolate_beams(beams, shape, lines, geometry, between, along, index, imag
 
 
 @njit(inline='always')
-def _along_segment(lit, line, number, apart, segment, order):
-    """Value in the middle of a segment, and growth from pixel to pixel, between two knots."""
-    knot = number // apart
-    grown = (lit[order, line, knot + 1] - lit[order, line, knot]) / np.float32(apart)
-    share = np.float32(number - knot * apart + 0.5)
-    return lit[order, line, knot] + share * grown, grown / np.float32(segment)
+def _along_segment(parabolas, line, number, apart, segment, order):
+    """Value in the middle of a segment, and growth by pixel, between two support points."""
+    place = number // apart
+    grown = (parabolas[order, line, place + 1] - parabolas[order, line, place]) / np.float32(apart)
+    share = np.float32(number - place * apart + 0.5)
+    return parabolas[order, line, place] + share * grown, grown / np.float32(segment)
 
 
 @njit(inline='always')
@@ -928,8 +933,9 @@ class BeamformedSubaperture:
         self._lines = segment_middles(polar.locate, np.arange(polar.n_alpha),
                                       polar.n_range, sampling.segment)
         self._edges = grid_edges(polar)
-        self._lit = plan.lit and LitLines(polar, plan.lit.apart * sampling.segment)
-        self._lit_apart = 0 if plan.lit is None else plan.lit.apart
+        self._amplitudes = plan.lit and AmplitudeParabolas(polar,
+                                                           plan.lit.apart * sampling.segment)
+        self._segments_apart = 0 if plan.lit is None else plan.lit.apart
 
     def fill(self, samples, tx_m, rx_m, image, weights=None,
              nodes: tuple[AmplitudeNodes, ...] | None = None) -> None:
@@ -961,9 +967,9 @@ class BeamformedSubaperture:
         directions = start + spacing * np.arange(n_beams)
         paired = geometry.uneven(tx_m, rx_m) < self._sampling.uneven_m
         beams = self._beams(samples, geometry.beam_path(tx_m, rx_m, directions), paired, weights)
-        lit = self._lit and self._lit.parabolas(nodes, geometry,
+        parabolas = self._amplitudes and self._amplitudes.parabolas(nodes, geometry,
                                                 2 * math.pi * self._per_metre * spacing)
-        self._read(beams, geometry, start, spacing, image, lit)
+        self._read(beams, geometry, start, spacing, image, parabolas)
 
     def _beams(self, samples, path, paired, weights) -> np.ndarray:
         """(M, n_cells) complex64 beams at range baseband, valid until the next call."""
@@ -979,7 +985,7 @@ class BeamformedSubaperture:
         beams[:, self._known[1]:] = 0.0
         return beams
 
-    def _read(self, beams, geometry, start, spacing, image, lit) -> None:
+    def _read(self, beams, geometry, start, spacing, image, parabolas) -> None:
         polar, sampling, source = self._polar, self._sampling, self._source
         segment = sampling.segment
         cycles_per_m = self._per_metre
@@ -996,7 +1002,7 @@ class BeamformedSubaperture:
                 np.array([start, spacing]), cycles_per_m, -cycles_per_m * source.phase_range_m,
                 np.array([1 / geometry.range_m, bend])),
             _table(sampling.between.interpolator), _table(sampling.along), index,
-            image.reshape(-1), work, jobs.ctypes.data, lit, self._lit_apart)
+            image.reshape(-1), work, jobs.ctypes.data, parabolas, self._segments_apart)
 
 
 def _uncrowded(n_cells: int) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...compilation import njit, numba
-from .illumination import LitEchoes, two_way_amplitude
+from .illumination import Antennas, two_way_amplitude
 
 _LANES = 16  # points advanced together: enough independent sums to hide the latency of one
 
@@ -15,7 +15,8 @@ def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m, illumination=
     """See `backends.protocol.Correlation`."""
     out = np.empty(len(points_m), np.complex128)
     _correlate(*cycles_per_m, np.ascontiguousarray(spectra.real),
-               np.ascontiguousarray(spectra.imag), tx_m, rx_m, points_m, _lit(illumination), out)
+               np.ascontiguousarray(spectra.imag), tx_m, rx_m, points_m,
+               _antennas(illumination), out)
     return out
 
 
@@ -28,20 +29,20 @@ def correlate_profiles(radar, samples, tx_m, rx_m, points_m, half: int, sharpnes
     samples.flags.writeable = False  # as those of a message: one kernel for both
     _correlate_profiles(samples, tx_m, rx_m, points_m, radar.range_start_m,
                         radar.sample_spacing_m, 1 / radar.wavelength_m, half, sharpness,
-                        _lit(illumination), image, covered)
+                        _antennas(illumination), image, covered)
     return image, covered
 
 
-def _lit(illumination) -> LitEchoes:
-    return LitEchoes.everything() if illumination is None else LitEchoes.of(illumination)
+def _antennas(illumination) -> Antennas:
+    return Antennas.everything() if illumination is None else Antennas.of(illumination)
 
 
 @njit(inline='always')
-def _weight(lit, echo, point):
-    """Two-way amplitude of an echo; 1 where all light all points alike."""
-    if len(lit.centre) == 0:
+def _weight(antennas, echo, point):
+    """Two-way amplitude of an echo; 1 where all illuminate all points alike."""
+    if len(antennas.centre) == 0:
         return 1.0
-    return two_way_amplitude(lit, echo, point[0], point[1], point[2])
+    return two_way_amplitude(antennas, echo, point[0], point[1], point[2])
 
 
 @njit(inline='always')
@@ -58,7 +59,7 @@ def phasor(cycles):
 
 
 @njit(parallel=True)
-def _correlate(first, step, re, im, tx, rx, points, lit, out):
+def _correlate(first, step, re, im, tx, rx, points, antennas, out):
     """Horner's rule in ``exp(j 2 pi step tau)``, `_LANES` points side by side.
 
     `first` and `step` are in cycles per metre of two-way path.
@@ -91,7 +92,7 @@ def _correlate(first, step, re, im, tx, rx, points, lit, out):
                     cycles = first * path[i]
                     angle = 2 * np.pi * (cycles - np.floor(cycles))
                     w_re, w_im = np.cos(angle), np.sin(angle)
-                    weight = _weight(lit, m * n_channels + c, points[lo + i])
+                    weight = _weight(antennas, m * n_channels + c, points[lo + i])
                     w_re, w_im = weight * w_re, weight * w_im
                     total_re[i] += acc_re[i] * w_re - acc_im[i] * w_im
                     total_im[i] += acc_re[i] * w_im + acc_im[i] * w_re
@@ -101,14 +102,14 @@ def _correlate(first, step, re, im, tx, rx, points, lit, out):
 
 @njit(parallel=True)
 def _correlate_profiles(samples, tx, rx, points, start_m, spacing_m, cycles_per_m, half,
-                        sharpness, lit, image, covered):
+                        sharpness, antennas, image, covered):
     """Add all profiles at the delay of every point; `cycles_per_m` of two-way path."""
     n_pulses, n_channels, n_samples = samples.shape
     for i in numba.prange(len(points)):
         total = 0j
         for m in range(n_pulses):
             for c in range(n_channels):
-                weight = _weight(lit, m * n_channels + c, points[i])
+                weight = _weight(antennas, m * n_channels + c, points[i])
                 if weight == 0.0:
                     continue
                 path = distance(points[i], tx[m, c]) + distance(points[i], rx[m, c])

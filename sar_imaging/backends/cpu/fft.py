@@ -15,16 +15,16 @@ are left, is all in tables, so that nothing is transposed or reordered by itself
 - `table`, int64: number of passes, length, whether groups are fetched into the cache before the
   first pass needs them, and the radix of each pass; then, for each pass, `length` places (bytes)
   of the groups that butterfly after butterfly reads; then likewise those that it writes.
-- `turns`, complex64: by what each group is multiplied before its butterfly, in the same order.
+- `twiddles`, complex64: by what each group is multiplied before its butterfly, in the same order.
 
 A row of n = height x width samples is transformed as a matrix that lies in memory line by line:
 its columns, `LANES` side by side, from the row into work space in a core's cache; then `LANES` of
 its lines at a time, transposed on their way into a panel so that they lie side by side, too. As
 frequency k of the columns and frequency l of the lines make frequency k + height l of the row,
 `LANES` lines leave their frequencies side by side where they belong. Between the two parts element
-m of line k is turned by k m / n cycles: the four-step transform (Gentleman and Sande 1966; Bailey
-1990). Where lines or columns are not a multiple of `LANES`, the last group begins earlier and
-transforms some of them once more.
+m of line k is advanced by k m / n cycles: the four-step transform (Gentleman and Sande 1966;
+Bailey 1990). Where lines or columns are not a multiple of `LANES`, the last group begins earlier
+and transforms some of them once more.
 
 Functions written as instructions take addresses as int64; vectors hold `LANES` numbers, real and
 imaginary parts apart, and samples in memory are complex64. SciPy transforms what these do not, and
@@ -97,21 +97,21 @@ _i = types.int64
 
 
 @instructions(*[_i] * 6)
-def butterfly(b, radix, source, sources, target, targets, turns):
-    """Transform as many groups of `LANES` as the radix says, each turned by one number before.
+def butterfly(b, radix, source, sources, target, targets, twiddles):
+    """Transform as many groups of `LANES` as the radix says, each times one number before.
 
     Groups are read where `source` plus an entry of the int64 table `sources` says, and written
-    likewise; `turns` are complex64.
+    likewise; `twiddles` are complex64.
     """
     _for_each_radix(b, radix, source, sources, target, targets, lambda i: [
-        b.spread(b.load(_entry(b, turns, FLOAT, 2 * i + part)), LANES) for part in (0, 1)])
+        b.spread(b.load(_entry(b, twiddles, FLOAT, 2 * i + part)), LANES) for part in (0, 1)])
 
 
 @instructions(*[_i] * 6)
-def butterfly_of_turned(b, radix, source, sources, target, targets, turns):
-    """As `butterfly`, each lane turned by its own number: LANES real, LANES imaginary parts."""
+def butterfly_by_lane(b, radix, source, sources, target, targets, twiddles):
+    """As `butterfly`, each lane times its own number: LANES real, LANES imaginary parts."""
     _for_each_radix(b, radix, source, sources, target, targets, lambda i: [
-        Vector(b, b.load(_entry(b, turns, _VECTOR, 2 * i + part), align=4)) for part in (0, 1)])
+        Vector(b, b.load(_entry(b, twiddles, _VECTOR, 2 * i + part), align=4)) for part in (0, 1)])
 
 
 @instructions(*[_i] * 3)
@@ -130,7 +130,7 @@ def call(b, function, arguments):
     return b.call(b.pointer(function, ir.FunctionType(INT, [INT] * len(values))), values)
 
 
-def _for_each_radix(b, radix, source, sources, target, targets, turn_of):
+def _for_each_radix(b, radix, source, sources, target, targets, twiddle_of):
     end = b.append_basic_block()
     switch = b.switch(radix, end)
     for r in RADICES:
@@ -138,10 +138,11 @@ def _for_each_radix(b, radix, source, sources, target, targets, turn_of):
         switch.add_case(INT(r), block)
         b.position_at_end(block)
         places = (b.pointer(_group(b, source, sources, i), _PAIRS) for i in range(r))
-        groups = [_product(b.parts_of(b.load(place, align=4)), turn_of(i))
+        groups = [_product(b.parts_of(b.load(place, align=4)), twiddle_of(i))
                   for i, place in enumerate(places)]
         for i, pair in _dft(groups):
-            b.store(b.in_turn(*pair), b.pointer(_group(b, target, targets, i), _PAIRS), align=4)
+            to = b.pointer(_group(b, target, targets, i), _PAIRS)
+            b.store(b.interleaved(*pair), to, align=4)
         b.branch(end)
     b.position_at_end(end)
 
@@ -168,7 +169,7 @@ def _dft(z):
     far = n // near
     inner = [dict(_dft(z[i::far])) for i in range(far)]
     for k in range(near):
-        for m, pair in _dft([_turned(inner[i][k], i * k / n) for i in range(far)]):
+        for m, pair in _dft([_times_phasor(inner[i][k], i * k / n) for i in range(far)]):
             yield k + near * m, pair
 
 
@@ -192,7 +193,7 @@ def _dft_prime(z):
         yield n - k, _difference(x, u)
 
 
-def _turned(z, cycles):
+def _times_phasor(z, cycles):
     """Times ``exp(-j 2 pi cycles)``."""
     for _ in range(int(4 * cycles)):
         z = z[1], -z[0]
@@ -222,33 +223,34 @@ class ColumnTransform(NamedTuple):
     """How a column of some length is transformed; see the module's text."""
 
     table: np.ndarray  # (3 + n_passes + 2 n_passes length,) int64
-    turns: np.ndarray  # (n_turned, n_passes, length) complex64
+    twiddles: np.ndarray  # (n_twiddled, n_passes, length) complex64
     first: np.ndarray  # (length,) int64 element at each entry of the first pass
 
     @property
     def addresses(self) -> tuple[int, int]:
-        """Of the table, and of the turns."""
-        return self.table.ctypes.data, self.turns.ctypes.data
+        """Of the table, and of the twiddle factors."""
+        return self.table.ctypes.data, self.twiddles.ctypes.data
 
     def with_gain(self, gain: np.ndarray) -> ColumnTransform:
         """Elements of each of some sets, (S, length) float64, are multiplied by a gain, too.
 
-        S is a multiple of the sets that are turned.
+        S is a multiple of the sets that have factors.
         """
-        turns = np.tile(self.turns, (len(gain) // len(self.turns), 1, 1))
-        turns[:, 0] *= gain[:, self.first]
-        return self._replace(turns=turns)
+        twiddles = np.tile(self.twiddles, (len(gain) // len(self.twiddles), 1, 1))
+        twiddles[:, 0] *= gain[:, self.first]
+        return self._replace(twiddles=twiddles)
 
 
 @functools.lru_cache(maxsize=32)
 def plan_passes(length: int, inverse: bool, first_bytes: int, work_bytes: int, last_bytes: int,
-                fetch: bool, n_turned: int = 1) -> ColumnTransform:
+                fetch: bool, n_twiddled: int = 1) -> ColumnTransform:
     """Tables of a transform, from the bytes between its elements.
 
     ``X[k] = sum_m x[m] exp(-j 2 pi m k / N)`` with N a product of radices: element and frequency
     are numbers of mixed digits, and pass i transforms digit i of the element to digit i of the
     frequency (Cooley and Tukey 1965). With D the product of the radices before, and k the
-    frequency of the digits done so far, pass i first turns digit d by ``d k / (D radix)`` cycles.
+    frequency of the digits done so far, pass i first advances digit d by ``d k / (D radix)``
+    cycles.
 
     Parameters
     ----------
@@ -262,32 +264,32 @@ def plan_passes(length: int, inverse: bool, first_bytes: int, work_bytes: int, l
     fetch : bool
         Groups are fetched before they are needed: where so few lie side by side that the
         processor does not do so by itself.
-    n_turned : int
+    n_twiddled : int
         Sets of columns; those of set s are the second part of a longer transform, whose element m
-        is turned by s m / (n_turned length) cycles.
+        is advanced by s m / (n_twiddled length) cycles.
     """
     radices = radices_of(length)
     # elements by their digits: each pass replaces one by that of a frequency
     element, digits = np.arange(length).reshape(radices), np.indices(radices)
-    number = np.arange(n_turned).reshape(-1, *[1] * len(radices))
+    number = np.arange(n_twiddled).reshape(-1, *[1] * len(radices))
     frequency, done = np.zeros(radices, np.int64), 1
-    cycles = number * element / (n_turned * length)
-    sources, targets, turns = [], [], []
+    cycles = number * element / (n_twiddled * length)
+    sources, targets, twiddles = [], [], []
     for i, radix in enumerate(radices):
         cycles = cycles + digits[i] * frequency / (done * radix)
         source = element * (work_bytes if i else first_bytes)
         frequency = frequency + done * digits[i]
         done *= radix
         target = frequency * last_bytes if done == length else element * work_bytes
-        turn = np.exp((2j if inverse else -2j) * np.pi * cycles).astype(np.complex64)
+        twiddle = np.exp((2j if inverse else -2j) * np.pi * cycles).astype(np.complex64)
         sources.append(np.moveaxis(source, i, -1).ravel())
         # forwards, frequency -k is that of the inverse
         order = -np.arange(radix) % radix if inverse else np.arange(radix)
         targets.append(np.moveaxis(target, i, -1)[..., order].ravel())
-        turns.append(np.moveaxis(turn, i + 1, -1).reshape(n_turned, length))
+        twiddles.append(np.moveaxis(twiddle, i + 1, -1).reshape(n_twiddled, length))
         cycles = np.zeros_like(cycles)
     table = np.concatenate([(len(radices), length, fetch), radices, *sources, *targets])
-    return ColumnTransform(table, np.stack(turns, axis=1), sources[0] // first_bytes)
+    return ColumnTransform(table, np.stack(twiddles, axis=1), sources[0] // first_bytes)
 
 
 @functools.cache
@@ -298,19 +300,19 @@ def compiled_passes() -> int:
 
 
 @njit
-def run_passes(code, source, work, target, n_groups, table, turns, turns_apart):
+def run_passes(code, source, work, target, n_groups, table, twiddles, twiddles_apart):
     """Transform `n_groups` times LANES columns that lie side by side; all arguments are int64.
 
     Numba would compile all butterflies again for each function that calls another, thus `code`,
     from `compiled_passes`. Elements are read at `source`, kept at `work` between passes, and left
-    at `target`. `table` and `turns` are `ColumnTransform.addresses`, turns those of the set;
-    `turns_apart` is that of the first pass where turns differ between columns of one group, else
-    0.
+    at `target`. `table` and `twiddles` are `ColumnTransform.addresses`, the twiddles those of the
+    set; `twiddles_apart` is that of the first pass where they differ between columns of one group,
+    else 0.
     """
-    call(code, (source, work, target, n_groups, table, turns, turns_apart))
+    call(code, (source, work, target, n_groups, table, twiddles, twiddles_apart))
 
 
-def _passes(source, work, target, n_groups, table, turns, turns_apart):
+def _passes(source, work, target, n_groups, table, twiddles, twiddles_apart):
     n_passes, length = integer_at(table), integer_at(table + 8)
     fetched = integer_at(table + 16)
     for p in range(n_passes):
@@ -319,18 +321,18 @@ def _passes(source, work, target, n_groups, table, turns, turns_apart):
         sources = table + 8 * (3 + n_passes + p * length)
         targets = sources + 8 * n_passes * length
         for entry in range(0, length, radix):
-            if p == 0 and turns_apart:
-                butterfly_of_turned(radix, read, sources + 8 * entry, write,
+            if p == 0 and twiddles_apart:
+                butterfly_by_lane(radix, read, sources + 8 * entry, write,
                                             targets + 8 * entry,
-                                            turns_apart + GROUP_BYTES * entry)
+                                            twiddles_apart + GROUP_BYTES * entry)
                 continue
-            turn = turns + SAMPLE_BYTES * (p * length + entry)
+            twiddle = twiddles + SAMPLE_BYTES * (p * length + entry)
             for group in range(n_groups):
                 shift = GROUP_BYTES * group
                 if p == 0 and fetched and entry + radix < length:
                     fetch(read + shift, sources + 8 * (entry + radix), radix)
                 butterfly(radix, read + shift, sources + 8 * entry, write + shift,
-                                  targets + 8 * entry, turn)
+                                  targets + 8 * entry, twiddle)
     return 0
 
 
@@ -344,7 +346,7 @@ class RowPlan(NamedTuple):
     width: int
     columns: ColumnTransform
     lines: ColumnTransform
-    turns: np.ndarray  # between the two: groups of lines, each (width, 2, LANES) float32
+    twiddles: np.ndarray  # between the two: groups of lines, each (width, 2, LANES) float32
 
     @property
     def work_samples(self) -> int:
@@ -356,7 +358,7 @@ class RowPlan(NamedTuple):
         """What `transform_row` wants, good as long as the plan is kept."""
         return (compiled_passes(), self._panel * SAMPLE_BYTES, self.height, self.width,
                 _pitch(self.width) * SAMPLE_BYTES, *self.columns.addresses,
-                *self.lines.addresses, self.turns.ctypes.data)
+                *self.lines.addresses, self.twiddles.ctypes.data)
 
     @property
     def _panel(self) -> int:
@@ -416,10 +418,10 @@ def _plan_row(n: int, inverse: bool) -> RowPlan | None:
     lines = plan_passes(width, inverse, GROUP_BYTES, GROUP_BYTES, height * SAMPLE_BYTES, False)
     first = np.minimum(np.arange(0, height, LANES), height - LANES)
     line = (first[:, None] + np.arange(LANES))[:, None]
-    turn = np.exp((2j if inverse else -2j) * np.pi / n * (line * lines.first[:, None] % n))
-    turns = aligned_empty((len(first), width, 2, LANES), np.float32)
-    turns[:, :, 0], turns[:, :, 1] = turn.real, turn.imag
-    return RowPlan(height, width, columns, lines, turns)
+    twiddle = np.exp((2j if inverse else -2j) * np.pi / n * (line * lines.first[:, None] % n))
+    twiddles = aligned_empty((len(first), width, 2, LANES), np.float32)
+    twiddles[:, :, 0], twiddles[:, :, 1] = twiddle.real, twiddle.imag
+    return RowPlan(height, width, columns, lines, twiddles)
 
 
 @njit(parallel=True, fastmath=DETERMINISTIC)
@@ -441,13 +443,13 @@ def transform_row(row, panel, plan):
     is `RowPlan.arguments`, flat, since loops in parallel take no other tuples.
     """
     code, panel_bytes, height, width, line_bytes = plan[:5]
-    matrix, columns, lines, turns = panel + panel_bytes, plan[5:7], plan[7:9], plan[9]
+    matrix, columns, lines, twiddles = panel + panel_bytes, plan[5:7], plan[7:9], plan[9]
     _transform_columns(code, row, panel, matrix, width, columns)
     for begin in range(0, height, LANES):
         line = min(begin, height - LANES)
         _transpose_lines(matrix + line * line_bytes, line_bytes, panel, width)
         run_passes(code, panel, panel, row + line * SAMPLE_BYTES, 1, *lines,
-                   turns + begin * width * SAMPLE_BYTES)
+                   twiddles + begin * width * SAMPLE_BYTES)
 
 
 @njit
@@ -532,18 +534,18 @@ def transform_columns(data: np.ndarray, n_columns: int, *, inverse: bool = False
     work = aligned_empty((numba.get_num_threads(), longest * work_bytes // SAMPLE_BYTES),
                          np.complex64)
     # element m1 + near m2 lies in row m1 far + m2: over m2, then over m1
-    for length, row_step, n_sets, set_step, n_turned in ((far, 1, near, far, 1),
+    for length, row_step, n_sets, set_step, n_twiddled in ((far, 1, near, far, 1),
                                                          (near, far, far, 1, far)):
         if length > 1:
             step = row_step * row_bytes
-            plan = plan_passes(length, inverse, step, work_bytes, step, True, n_turned)
+            plan = plan_passes(length, inverse, step, work_bytes, step, True, n_twiddled)
             if gain is not None:  # of rows in the order in which the sets hold them
                 plan, gain = plan.with_gain(gain.reshape(length, -1).T), None
             jobs = job_counter()
             _columns_in_parallel(
                 compiled_passes(), data.ctypes.data, n_groups, groups, n_sets,
                 set_step * row_bytes, len(work), jobs.ctypes.data, work.ctypes.data,
-                work.strides[0], plan.addresses, len(plan.turns), plan.turns.strides[0])
+                work.strides[0], plan.addresses, len(plan.twiddles), plan.twiddles.strides[0])
 
 
 def _is_own(n: int) -> bool:
@@ -567,10 +569,10 @@ def _best_factor(n: int) -> int:
 
 @njit(parallel=True, fastmath=DETERMINISTIC)
 def _columns_in_parallel(code, data, n_groups, most, n_sets, set_bytes, n_tasks, jobs, work,
-                         task_bytes, plan, n_turned, turns_bytes):
+                         task_bytes, plan, n_twiddled, twiddle_bytes):
     """All sets of rows, at most so many groups of a set at a time."""
     n_panels = (n_groups + most - 1) // most
-    table, turns = plan
+    table, twiddles = plan
     for task in numba.prange(n_tasks):
         job = take_job(jobs)
         while job < n_sets * n_panels:
@@ -578,5 +580,5 @@ def _columns_in_parallel(code, data, n_groups, most, n_sets, set_bytes, n_tasks,
             corner = data + number * set_bytes + group * GROUP_BYTES
             run_passes(code, corner, work + task * task_bytes, corner,
                        min(most, n_groups - group), table,
-                       turns + number % n_turned * turns_bytes, 0)
+                       twiddles + number % n_twiddled * twiddle_bytes, 0)
             job = take_job(jobs)

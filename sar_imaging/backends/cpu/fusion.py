@@ -93,16 +93,16 @@ def _add_transformed(code, lines, shape, jobs, work, address, work_bytes, plan, 
     n_fine, n_columns = len(rows), groups * LANES
     width, pitch = len(spectrum) // len(rows), (groups + 1) * GROUP_BYTES // 4
     n_tasks, n_panels = 4 * len(work) // work_bytes, (n_bins + n_columns - 1) // n_columns
-    table, turns = plan
+    table, twiddles = plan
     for task in numba.prange(n_tasks):
-        own = address + task * work_bytes
+        space = address + task * work_bytes
         panel = np.uint64(task * work_bytes // 4 + n_coarse * pitch)
         job = take_job(jobs)
         while job < n_panels:
             first = job * n_columns
             last = min(first + n_columns, n_bins)
-            fft.run_passes(code, lines + first * SAMPLE_BYTES, own, own + work_bytes // 2,
-                           (last - first + LANES - 1) // LANES, table, turns, 0)
+            fft.run_passes(code, lines + first * SAMPLE_BYTES, space, space + work_bytes // 2,
+                           (last - first + LANES - 1) // LANES, table, twiddles, 0)
             for k in range(len(begin)):
                 ahead = min(k + _AHEAD, len(begin) - 1)
                 if begin[ahead] < last and end[ahead] > first:
@@ -171,7 +171,7 @@ def fold_lines(image, along_alpha, along_range, rows, out) -> None:
         transform_rows(out[:, :len(along_range)])
 
 
-def finish_lines(spectrum, n_bins: int, n_range: int, first: int, scale, turn, out) -> None:
+def finish_lines(spectrum, n_bins: int, n_range: int, first: int, scale, phasor, out) -> None:
     """Transform rows of the fused spectrum to lines of the image.
 
     Parameters
@@ -181,7 +181,7 @@ def finish_lines(spectrum, n_bins: int, n_range: int, first: int, scale, turn, o
     n_bins, n_range, first : int
         Range wavenumbers, from the lowest one; length of the transform; range at which the wanted
         ones begin.
-    scale, turn : (L,) and (N,) complex64
+    scale, phasor : (L,) and (N,) complex64
         Factors of each line, and of each wanted range.
     out : (L * 2 * N,) float32
         Real, then imaginary parts of each line; none of the rows lie in it.
@@ -191,14 +191,14 @@ def finish_lines(spectrum, n_bins: int, n_range: int, first: int, scale, turn, o
         lines = np.zeros((len(spectrum), n_range), np.complex64)
         lines[:, :n_bins] = spectrum[:, :n_bins]
         transform_rows(lines, inverse=True)
-        lines = lines[:, first:first + len(turn)] * (scale[:, None] * turn)
+        lines = lines[:, first:first + len(phasor)] * (scale[:, None] * phasor)
         out[:] = np.stack([lines.real, lines.imag], axis=1).ravel()
         return
     n_tasks, jobs = numba.get_num_threads(), job_counter()
     # rows apart by no multiple of 4 KiB
     work = aligned_empty((n_tasks, n_range + 8 + plan.work_samples), np.complex64)
     _finish_lines(spectrum.view(np.float32).reshape(-1), spectrum.shape[1], n_bins, n_range,
-                  first, scale.view(np.float32), turn.view(np.float32), out,
+                  first, scale.view(np.float32), phasor.view(np.float32), out,
                   work.view(np.float32).reshape(-1), work.ctypes.data, work.strides[0], n_tasks,
                   jobs.ctypes.data, plan.arguments)
 
@@ -236,10 +236,10 @@ def _taper(image, place, step, imag, w, along_range, n, out, to):
 
 
 @njit(parallel=True)
-def _finish_lines(spectrum, row, n_bins, n_range, first, scale, turn, out, lines, address,
+def _finish_lines(spectrum, row, n_bins, n_range, first, scale, phasor, out, lines, address,
                   work_bytes, n_tasks, jobs, plan):
     """All arrays are flat float32, for the compiler; a task's line comes before its work space."""
-    n, n_lines = np.uint64(len(turn) // 2), len(scale) // 2
+    n, n_lines = np.uint64(len(phasor) // 2), len(scale) // 2
     for task in numba.prange(n_tasks):
         line = np.uint64(task * (work_bytes // 4))
         number = take_job(jobs)
@@ -255,7 +255,7 @@ def _finish_lines(spectrum, row, n_bins, n_range, first, scale, turn, out, lines
             begin, to = line + np.uint64(2 * first), np.uint64(2 * number) * n
             for i in range(n):
                 even, odd = np.uint64(2) * i, np.uint64(2) * i + np.uint64(1)
-                c, d = a * turn[even] - b * turn[odd], a * turn[odd] + b * turn[even]
+                c, d = a * phasor[even] - b * phasor[odd], a * phasor[odd] + b * phasor[even]
                 x, y = lines[begin + even], lines[begin + odd]
                 out[to + i] = c * x - d * y
                 out[to + n + i] = c * y + d * x
@@ -279,15 +279,15 @@ class SpectrumFusion:
         self._wavenumber = grid.range_wavenumbers
         self._shape = grid.n_fine, len(self._wavenumber)
         most = len(self._wavenumber) // 2
-        # Turned by this along range, images have the lowest wavenumber at zero.
-        turn = np.exp(2j * np.pi * (most * np.arange(n_coarse) % n_coarse) / n_coarse)
+        # Times this along range, images have the lowest wavenumber at zero.
+        phasor = np.exp(2j * np.pi * (most * np.arange(n_coarse) % n_coarse) / n_coarse)
         self._taper = (guard_taper(grid.n_coarse, grid.n_guard, grid.beta).astype(np.float32),
-                       (guard_taper(n_coarse, grid.range_guard, grid.beta) * turn
+                       (guard_taper(n_coarse, grid.range_guard, grid.beta) * phasor
                         ).astype(np.complex64))
         self._coarse_rows = rows_to_transform(grid.n_coarse)
         self._fine_rows = rows_to_transform(grid.n_fine)
         place = grid.fine_range_guard + np.arange(grid.polar.n_range)
-        self._turn_back = np.exp(-2j * np.pi * (most * place % n_fine) / n_fine
+        self._phasor_back = np.exp(-2j * np.pi * (most * place % n_fine) / n_fine
                                  ).astype(np.complex64)
         # kept from one sub-aperture to the next: fresh memory takes as long as the work
         self._lines = aligned_empty((grid.n_coarse, _padded(n_coarse)), np.complex64)
@@ -420,7 +420,7 @@ class SpectrumFusion:
             stop = min(start + _LINES_PER_CALL, polar.n_alpha)
             finish_lines(spectrum[grid.fine_guard + start:grid.fine_guard + stop], n_bins,
                          grid.n_fine_range, grid.fine_range_guard, scale[start:stop],
-                         self._turn_back, image[start * width:stop * width])
+                         self._phasor_back, image[start * width:stop * width])
         return image.reshape(polar.n_alpha, 2, polar.n_range).swapaxes(0, 1)
 
 

@@ -1,4 +1,4 @@
-"""Two-way amplitude of echoes towards points, and which tiles of an image they light; compiled.
+"""Two-way amplitude of echoes towards points, and which tiles they illuminate; compiled.
 
 `geometry.illumination` says what is computed. Neighbouring tiles of points share the nodes between
 them. Offsets from the phase centres are float64, what follows from them float32.
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ...planning.exact.illumination import LitPoints
 
 
-class LitEchoes(NamedTuple):
+class Antennas(NamedTuple):
     """An `Illumination` as compiled loops take it.
 
     Parameters
@@ -46,7 +46,7 @@ class LitEchoes(NamedTuple):
     place: np.ndarray
 
     @classmethod
-    def of(cls, illumination: Illumination) -> LitEchoes:
+    def of(cls, illumination: Illumination) -> Antennas:
         """Arrays of an illumination."""
         azimuth, elevation = illumination.pattern.azimuth, illumination.pattern.elevation
         return cls(np.ascontiguousarray(illumination.centre_m),
@@ -64,31 +64,31 @@ class LitEchoes(NamedTuple):
                          math.sqrt(1 - low * low), low])
 
     @classmethod
-    def everything(cls) -> LitEchoes:
-        """For echoes that light all points alike: no arrays, which loops do not read."""
+    def everything(cls) -> Antennas:
+        """For echoes that illuminate all points alike: no arrays, which loops do not read."""
         one = np.ones(1)
         return cls(np.zeros((0, 3)), np.zeros((0, 3, 3)), one, one, np.zeros(4))
 
 
 @njit(inline='always')
-def two_way_amplitude(lit, echo, x, y, z):
+def two_way_amplitude(antennas, echo, x, y, z):
     """Amplitude of an echo towards a point, metres."""
-    x, y, z = x - lit.centre[echo, 0], y - lit.centre[echo, 1], z - lit.centre[echo, 2]
-    axes = lit.axes
+    centre, axes = antennas.centre, antennas.axes
+    x, y, z = x - centre[echo, 0], y - centre[echo, 1], z - centre[echo, 2]
     right = x * axes[echo, 0, 0] + y * axes[echo, 0, 1] + z * axes[echo, 0, 2]
     ahead = x * axes[echo, 1, 0] + y * axes[echo, 1, 1] + z * axes[echo, 1, 2]
     up = x * axes[echo, 2, 0] + y * axes[echo, 2, 1] + z * axes[echo, 2, 2]
-    return _in_axes(lit.azimuth, lit.elevation, lit.place, right, ahead, up)
+    return _in_axes(antennas.azimuth, antennas.elevation, antennas.place, right, ahead, up)
 
 
 @njit(fastmath=DETERMINISTIC, error_model='numpy')
-def two_way_amplitudes(lit, echo, positions, out):
+def two_way_amplitudes(antennas, echo, positions, out):
     """Amplitudes of an echo towards points (3, N), metres, into `out`, (N,)."""
     # What does not change is read beforehand: what is written might be the same memory.
-    centre_x, centre_y, centre_z = lit.centre[echo]
-    (rx, ry, rz), (bx, by, bz), (ux, uy, uz) = lit.axes[echo]
-    azimuth, elevation = lit.azimuth, lit.elevation
-    start, per_sine, low, per_low = lit.place
+    centre_x, centre_y, centre_z = antennas.centre[echo]
+    (rx, ry, rz), (bx, by, bz), (ux, uy, uz) = antennas.axes[echo]
+    azimuth, elevation = antennas.azimuth, antennas.elevation
+    start, per_sine, low, per_low = antennas.place
     place = start, per_sine, low, per_low
     for i in range(len(out)):
         x, y, z = (positions[0, i] - centre_x, positions[1, i] - centre_y,
@@ -126,7 +126,7 @@ def _at_sine(table, start, per_sine, sine):
 _ZERO, _ONE = np.float32(0), np.float32(1)
 
 
-class PointEchoes(NamedTuple):
+class PointAntennas(NamedTuple):
     """An `Illumination` as loops over echoes take it: each number of all R echoes in turn.
 
     Parameters
@@ -148,7 +148,7 @@ class PointEchoes(NamedTuple):
     place: np.ndarray
 
     @classmethod
-    def of(cls, illumination: Illumination) -> PointEchoes:
+    def of(cls, illumination: Illumination) -> PointAntennas:
         """Arrays of an illumination."""
         cuts = illumination.pattern.azimuth, illumination.pattern.elevation
         return cls(np.ascontiguousarray(illumination.centre_m.T).reshape(-1),
@@ -158,8 +158,8 @@ class PointEchoes(NamedTuple):
                             np.float32).reshape(-1))
 
 
-class TileKnots:
-    """Knots of the tiles of some points.
+class TileNodes:
+    """Nodes of the tiles of some points.
 
     Parameters
     ----------
@@ -167,27 +167,27 @@ class TileKnots:
         One part of an image.
     tile : (int, int)
         Rows and columns of a tile.
-    lit : LitPoints
-        Where knots lie.
+    interpolation : LitPoints
+        Where nodes lie.
 
     Attributes
     ----------
     line : int
-        Knots of a row.
+        Nodes of a row.
     unknown : (K,) uint8
         1 where one has no position.
     """
 
-    def __init__(self, points: ImagePoints, tile: tuple[int, int], lit: LitPoints):
-        rows, columns = lit.knots(points.size, tile)
+    def __init__(self, points: ImagePoints, tile: tuple[int, int], interpolation: LitPoints):
+        rows, columns = interpolation.knots(points.size, tile)
         self._positions = points.positions(rows[:, None], columns).reshape(-1)
         self.line = len(columns)
         self.unknown = np.isnan(self._positions.reshape(-1, 3)).any(axis=1).view(np.uint8)
 
-    def amplitudes(self, echoes: PointEchoes) -> np.ndarray:
-        """(K R,) float32 amplitudes at each knot of each echo in turn."""
+    def amplitudes(self, echoes: PointAntennas) -> np.ndarray:
+        """(K R,) float32 amplitudes at each node of each echo in turn."""
         out = np.empty(len(self.unknown) * (len(echoes.centre) // 3), np.float32)
-        _light_knots(*echoes, self._positions, out)
+        _fill_nodes(*echoes, self._positions, out)
         return out
 
 
@@ -205,10 +205,10 @@ def amplitude_of(centre, axes, table, place, echo, x, y, z):
 
 @njit(inline='always')
 def dark_sphere(centre, axes, ends, echo, x, y, z, radius):
-    """1 where an echo lights nothing within a radius of a position, metres.
+    """1 where an echo illuminates nothing within a radius of a position, metres.
 
     How far a point lies beyond an end of the pattern, ``d a - sine |d|`` in azimuth, changes by at
-    most ``1 + sine`` times the radius. `ends` are those of `LitEchoes`.
+    most ``1 + sine`` times the radius. `ends` are those of `Antennas`.
     """
     right, ahead, up = _point_in_axes(centre, axes, echo, x, y, z)
     distance = np.sqrt(right * right + ahead * ahead + up * up)
@@ -246,12 +246,12 @@ def _node_at_sine(table, first, start, per_sine, last, sine):
 
 
 @njit(parallel=True, error_model='numpy')
-def _light_knots(centre, axes, table, place, positions, out):
+def _fill_nodes(centre, axes, table, place, positions, out):
     """Numba knows that arrays do not overlap only where they are no parts of a tuple."""
     n_echoes = np.uint64(len(centre) // 3)
-    for knot in numba.prange(len(positions) // 3):
-        x, y, z = positions[3 * knot], positions[3 * knot + 1], positions[3 * knot + 2]
-        to = np.uint64(knot) * n_echoes
+    for node in numba.prange(len(positions) // 3):
+        x, y, z = positions[3 * node], positions[3 * node + 1], positions[3 * node + 2]
+        to = np.uint64(node) * n_echoes
         for echo in range(n_echoes):
             out[to + echo] = amplitude_of(centre, axes, table, place, echo, x, y, z)
 
@@ -260,46 +260,47 @@ _BLOCK = 8  # segments that are looked at together
 _AZIMUTH_ABOVE, _AZIMUTH_BELOW, _ELEVATION_ABOVE, _ELEVATION_BELOW, _BEHIND = 1, 2, 4, 8, 16
 
 
-class LitTiles:
+class TileAmplitudes:
     """Amplitudes of some echoes over the tiles of a layer of lines.
 
     Parameters
     ----------
-    echoes : LitEchoes
+    echoes : Antennas
         All echoes that are added.
     positions : (3, G, 2 S + 1, K) float64
-        Positions of the knots, see `planning.exact.illumination.knot_positions`.
-    knot, between : (G, LINES) int64, float32
+        Positions of the nodes, see `planning.exact.illumination.knot_positions`.
+    node, between : (G, LINES) int64, float32
         Knot before each line of a group, and the share of the next.
     """
 
-    def __init__(self, echoes: LitEchoes, positions, knot, between):
+    def __init__(self, echoes: Antennas, positions, node, between):
         self._echoes, self._positions = echoes, positions
-        self._knot, self._between, self._ends = knot, between, _cones(echoes)
+        self._node, self._between, self._ends = node, between, _cones(echoes)
 
     def amplitudes(self, echoes: slice) -> tuple[np.ndarray, ...]:
         """What the compiled loop over the lines needs for some of the echoes.
 
         Returns
         -------
-        lit : (R, G, S) uint8
-            1 where an echo lights a part of a tile.
-        any_lit : (G, S) uint8
+        illuminated : (R, G, S) uint8
+            1 where an echo illuminates a part of a tile.
+        any_illuminated : (G, S) uint8
             1 where one of them does.
         amplitude : (R, G, 2 S + 1, K) float32
-            At the knots, of lit tiles alone.
-        knot, between :
+            At the nodes, of illuminated tiles alone.
+        node, between :
             As given.
         """
         numbers = np.arange(*echoes.indices(len(self._echoes.centre)))
-        _, n_groups, n_places, n_knots = self._positions.shape
-        lit = np.zeros((len(numbers), n_groups, n_places // 2), np.uint8)
-        amplitude = np.empty((len(numbers), n_groups, n_places, n_knots), np.float32)
-        _light_tiles(self._echoes, self._ends, self._positions, numbers, lit, amplitude)
-        return lit, lit.any(axis=0).view(np.uint8), amplitude, self._knot, self._between
+        _, n_groups, n_places, n_nodes = self._positions.shape
+        illuminated = np.zeros((len(numbers), n_groups, n_places // 2), np.uint8)
+        amplitude = np.empty((len(numbers), n_groups, n_places, n_nodes), np.float32)
+        _fill_tiles(self._echoes, self._ends, self._positions, numbers, illuminated, amplitude)
+        return (illuminated, illuminated.any(axis=0).view(np.uint8), amplitude, self._node,
+                self._between)
 
 
-def _cones(echoes: LitEchoes) -> np.ndarray:
+def _cones(echoes: Antennas) -> np.ndarray:
     """Ends of the pattern, none where the cone beyond it would not be convex."""
     ends = echoes.ends
     ends[0] = ends[0] if ends[0] >= 0 else 2.0
@@ -308,10 +309,10 @@ def _cones(echoes: LitEchoes) -> np.ndarray:
 
 
 @njit(inline='always')
-def dark_cones(lit, ends, echo, x, y, z):
+def dark_cones(antennas, ends, echo, x, y, z):
     """In which of the cones beyond the ends of a pattern a position lies, bit by bit."""
-    x, y, z = x - lit.centre[echo, 0], y - lit.centre[echo, 1], z - lit.centre[echo, 2]
-    axes = lit.axes
+    centre, axes = antennas.centre, antennas.axes
+    x, y, z = x - centre[echo, 0], y - centre[echo, 1], z - centre[echo, 2]
     right = x * axes[echo, 0, 0] + y * axes[echo, 0, 1] + z * axes[echo, 0, 2]
     ahead = x * axes[echo, 1, 0] + y * axes[echo, 1, 1] + z * axes[echo, 1, 2]
     up = x * axes[echo, 2, 0] + y * axes[echo, 2, 1] + z * axes[echo, 2, 2]
@@ -331,8 +332,8 @@ def dark_cones(lit, ends, echo, x, y, z):
 
 
 @njit(parallel=True, error_model='numpy')
-def _light_tiles(echoes, ends, positions, wanted, lit, amplitude):
-    n_groups, n_places, n_knots = positions.shape[1:]
+def _fill_tiles(echoes, ends, positions, wanted, illuminated, amplitude):
+    n_groups, n_places, n_nodes = positions.shape[1:]
     n_segments = n_places // 2
     for group in numba.prange(n_groups):
         for number in range(len(wanted)):
@@ -341,20 +342,20 @@ def _light_tiles(echoes, ends, positions, wanted, lit, amplitude):
                 stop = min(start + _BLOCK, n_segments)
                 dark = 31
                 for p in range(2 * start, 2 * stop + 1, 2 * (stop - start)):
-                    for k in range(0, n_knots, n_knots - 1):
+                    for k in range(0, n_nodes, n_nodes - 1):
                         dark &= dark_cones(echoes, ends, echo, positions[0, group, p, k],
                                            positions[1, group, p, k], positions[2, group, p, k])
                 if dark != 0:
                     continue
                 for p in range(2 * start, 2 * stop + 1):
-                    for k in range(n_knots):
+                    for k in range(n_nodes):
                         amplitude[number, group, p, k] = two_way_amplitude(
                             echoes, echo, positions[0, group, p, k], positions[1, group, p, k],
                             positions[2, group, p, k])
                 for segment in range(start, stop):
                     brightest = np.float32(0.0)
                     for p in range(2 * segment, 2 * segment + 3):
-                        for k in range(n_knots):
+                        for k in range(n_nodes):
                             brightest = max(brightest, amplitude[number, group, p, k])
                     if brightest > 0.0:
-                        lit[number, group, segment] = 1
+                        illuminated[number, group, segment] = 1

@@ -77,7 +77,7 @@ def instructions(*kinds, returns=types.void):
                     for kind, arg in zip(signature.args, args, strict=True)))
                 return context.get_dummy_value() if value is None else value
 
-            wanted = (kind or own for kind, own in zip(kinds, given, strict=True))
+            wanted = (kind or found for kind, found in zip(kinds, given, strict=True))
             return returns(*wanted), generate
 
         return intrinsic(typed)
@@ -156,7 +156,7 @@ class Writer:
         return [Vector(self, self.shuffle_vector(samples, samples, order(range(
             part, samples.type.count, 2)))) for part in (0, 1)]
 
-    def in_turn(self, re: Vector, im: Vector):
+    def interleaved(self, re: Vector, im: Vector):
         """The opposite of `parts_of`."""
         n = re.value.type.count
         return self.shuffle_vector(re.value, im.value, order(

@@ -19,7 +19,7 @@ from ...compilation import njit, numba
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...planning.interpolators import LINE_DEGREE
-from .illumination import LitEchoes, LitTiles
+from .illumination import Antennas, TileAmplitudes
 from .profiles import Profiles
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def _cos_cycles(x):
 
 
 def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
-                  lit: Sequence[LitTiles] | None = None) -> None:
+                  tiles: Sequence[TileAmplitudes] | None = None) -> None:
     """Add echoes to an image whose lines follow range.
 
     Neighbouring pixels of a line lie one cell of the resampled profiles apart (up to a small
@@ -77,8 +77,8 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
         with U positions in a cell: the carrier phase that all lines share.
     image : (K,) float32
         Real and imaginary parts of the image to add to.
-    lit : sequence of LitTiles, optional
-        Illumination of each layer: with what amplitude the echoes light the pixels.
+    tiles : sequence of TileAmplitudes, optional
+        Illumination of each layer: with what amplitude the echoes illuminate the pixels.
     """
     lattice = profiles.lattice
     segment = lattice.segment
@@ -86,7 +86,7 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
     tasks = min(groups * segments, _TASKS_PER_THREAD * numba.get_num_threads())
     work = LineWork(*np.empty((2, tasks * LINES * segment), np.float32),
                     np.empty((tasks, 8, LINES)),
-                    np.empty((tasks, 14 if lit is None else 18, LINES), np.float32),
+                    np.empty((tasks, 14 if tiles is None else 18, LINES), np.float32),
                     np.empty((tasks, LINES), np.int64))
     index = np.arange(segment, dtype=np.float32) - segment // 2
     ramp = np.concatenate([ramp.real, ramp.imag])
@@ -101,7 +101,7 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
                             profiles.cycles_per_step, profiles.cycles_at(segment))
         for number, (lines, layout) in enumerate(layers):
             _project_lines(some, tx, rx, repeats, lines, ramp, image, layout, index, work,
-                           None if lit is None else lit[number].amplitudes(echoes))
+                           None if tiles is None else tiles[number].amplitudes(echoes))
 
 
 class LineProfiles(NamedTuple):
@@ -165,12 +165,13 @@ def _line_paths(lines, group, number, centres, echo, paths, task, first):
 
 
 @njit(parallel=True)
-def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index, work, light):
+def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index, work,
+                   illumination):
     """Tasks take segments of `LINES` lines.
 
     `repeats` is 1 where an echo's transmitter is that of the echo before, and where its receiver
-    is its transmitter. `index` counts the pixels of a segment from its middle. `light` is what
-    `LitTiles.amplitudes` gives, or None where all pixels are lit alike.
+    is its transmitter. `index` counts the pixels of a segment from its middle. `illumination` is
+    what `TileAmplitudes.amplitudes` gives, or None where all pixels are illuminated alike.
 
     Numba tells the compiler that the arrays of a parallel loop do not overlap only while the loop
     takes no view of one and has no boolean variable (which it counts as a view); without that,
@@ -179,8 +180,8 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
     """
     planes, shape, range_zero, step, cycles_per_step, cycles_zero = profiles
     work_re, work_im, paths, coefficients, base = work
-    if light is not None:
-        lit, any_lit, amplitude, knot, between = light
+    if illumination is not None:
+        illuminated, any_illuminated, amplitude, node, between = illumination
     n_echoes, n_phases, n_cells = shape
     segment = len(index)
     n_lines, n_pixels, after = layout[0], len(ramp) // 2, np.uint64(len(ramp) // 2)
@@ -188,7 +189,7 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
     # Unsigned indices spare the compiler the test for negative ones, which stops vectorisation.
     p, length = np.uint64(n_cells), np.uint64(segment)
     inverse_step, inverse_phases = 1.0 / step, 1.0 / n_phases
-    turns = np.float32(cycles_per_step)
+    short_cycles = np.float32(cycles_per_step)
     n_groups, n_tasks = lines.shape[0], base.shape[0]
     n_pieces = n_groups * lines.shape[1]
     for task in numba.prange(n_tasks):
@@ -196,8 +197,8 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
         for piece in range(task * n_pieces // n_tasks, (task + 1) * n_pieces // n_tasks):
             number, group = piece // n_groups, piece % n_groups
             latest = -1
-            if light is not None:
-                if any_lit[piece % n_groups, piece // n_groups] == 0:
+            if illumination is not None:
+                if any_illuminated[piece % n_groups, piece // n_groups] == 0:
                     continue
             count = min(LINES, n_lines - group * LINES)
             for i in range(task * LINES * segment, (task + 1) * LINES * segment):
@@ -212,8 +213,8 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
             for echo in range(n_echoes):
                 # Channels often share their transmitter, and radars with one antenna both.
                 same = repeats[echo, 0]
-                if light is not None:
-                    if lit[echo, group, number] == 0:
+                if illumination is not None:
+                    if illuminated[echo, group, number] == 0:
                         continue
                     if latest != echo - 1:
                         same = 0
@@ -238,13 +239,13 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
                     cell = min(max(cell, -1.0 * half), n_cells - 2.0 * segment + half)
                     base[task, j] = np.int64(phase * (1.0 * _PLANES) * n_cells + cell + half)
                 for j in range(LINES):
-                    _expand_phasor(coefficients, task, j, turns, half)
-                if light is not None:
-                    _weigh_phasors(coefficients, task, half, amplitude, echo, group, number, knot,
+                    _expand_phasor(coefficients, task, j, short_cycles, half)
+                if illumination is not None:
+                    _weigh_phasors(coefficients, task, half, amplitude, echo, group, number, node,
                                    between)
                 offset = echo * n_phases * _PLANES * n_cells
                 for j in range(count):
-                    if light is not None:
+                    if illumination is not None:
                         if coefficients[task, 17, j] == 0.0:
                             continue
                     k0, k1 = coefficients[task, 0, j], coefficients[task, 1, j]
@@ -283,7 +284,7 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
                 some = np.uint64(min(segment, n_pixels - number * segment))
                 for i in range(some):
                     f = index[i]
-                    c = _fraction(turns * (f * (k1 + f * (k2 + f * k3))))
+                    c = _fraction(short_cycles * (f * (k1 + f * (k2 + f * k3))))
                     sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
                     re, im = work_re[w + i], work_im[w + i]
                     re, im = re * cosine - im * sine, re * sine + im * cosine
@@ -315,17 +316,17 @@ def _store_drift(paths, task, j, other, inverse_step, n_phases, coefficients, fi
 
 
 @njit(inline='always')
-def _expand_phasor(coefficients, task, j, turns, half):
+def _expand_phasor(coefficients, task, j, cycles, half):
     """Expand the phasor of a segment, less what its echoes share, as a cubic in the pixel number.
 
     The quartic term is folded into the constant and the quadratic one (Chebyshev economisation),
     which leaves an eighth of it.
     """
-    turn = np.float32(2 * np.pi) * turns
-    a = turn * (coefficients[task, 1, j] - coefficients[task, 11, j])
-    b = turn * (coefficients[task, 2, j] - coefficients[task, 12, j])
-    c = turn * (coefficients[task, 3, j] - coefficients[task, 13, j])
-    g = _fraction(coefficients[task, 4, j] + turns * coefficients[task, 0, j])
+    radians = np.float32(2 * np.pi) * cycles
+    a = radians * (coefficients[task, 1, j] - coefficients[task, 11, j])
+    b = radians * (coefficients[task, 2, j] - coefficients[task, 12, j])
+    c = radians * (coefficients[task, 3, j] - coefficients[task, 13, j])
+    g = _fraction(coefficients[task, 4, j] + cycles * coefficients[task, 0, j])
     sine, cosine = _sin_cycles(g, g * g), _cos_cycles(g * g)
     aa = a * a
     square = np.float32(half * half)
@@ -345,7 +346,7 @@ def _expand_phasor(coefficients, task, j, turns, half):
 
 
 @njit(inline='always')
-def _weigh_phasors(coefficients, task, half, amplitude, echo, group, number, knot, between):
+def _weigh_phasors(coefficients, task, half, amplitude, echo, group, number, node, between):
     """Multiply the phasors of a segment's lines by an echo's amplitude, a parabola.
 
     Of the product the cubic is kept, and its quartic term economised as that of the phasor is.
@@ -353,7 +354,7 @@ def _weigh_phasors(coefficients, task, half, amplitude, echo, group, number, kno
     square = np.float32(half * half)
     k = 2 * number
     for j in range(LINES):
-        n, t = knot[group, j], between[group, j]
+        n, t = node[group, j], between[group, j]
         a, b, c = (amplitude[echo, group, k, n], amplitude[echo, group, k + 1, n],
                    amplitude[echo, group, k + 2, n])
         a += t * (amplitude[echo, group, k, n + 1] - a)
@@ -411,12 +412,12 @@ class PolarLines:
     Cells of the profiles are about as long as the range spacing of the grid.
     """
 
-    def __init__(self, polar: PolarGrid, profiles: Profiles, lit: LitLines | None = None):
+    def __init__(self, polar: PolarGrid, profiles: Profiles, nodes: LitLines | None = None):
         lattice = profiles.lattice
         self._polar, self._profiles = polar, profiles
         size = polar.n_alpha, polar.n_range, lattice.segment
         self._lines = line_middles(polar.locate, *size)
-        self._knots = lit and lit.knots(polar.locate, *size)
+        self._nodes = nodes and nodes.knots(polar.locate, *size)
         # from the phase that the kernel leaves to range baseband
         cycles = 2 * (lattice.cell_m - polar.range_spacing_m) / profiles.radar.wavelength_m
         self._ramp = _phasor(cycles * np.arange(polar.n_range))
@@ -432,13 +433,13 @@ class PolarLines:
             Real and imaginary part of the image times ``exp(-j 4 pi (r - r_0) / lambda)``, r_0
             the first range; changed in place, contiguous. Lines may end in padding.
         illumination : Illumination, optional
-            Illumination of the echoes, where lines are lit.
+            Illumination of the echoes, where lines are illuminated.
         """
         polar = self._polar
         layout = np.array([polar.n_alpha, 0, image.shape[-1], 1, image[0].size])
         project_lines(self._profiles, samples, tx_m, rx_m, [(self._lines, layout)], self._ramp,
-                      image.reshape(-1), self._knots and [LitTiles(LitEchoes.of(illumination),
-                                                                   *self._knots)])
+                      image.reshape(-1), self._nodes and [
+                          TileAmplitudes(Antennas.of(illumination), *self._nodes)])
 
     def fill(self, samples, tx_m, rx_m, image, weights=None,
              illumination: Illumination | None = None) -> None:

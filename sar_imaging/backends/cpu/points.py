@@ -28,7 +28,7 @@ from ...compilation import njit, numba
 from ...geometry.illumination import Illumination
 from ...planning.exact.points import ImagePoints, PointPlan
 from ...signal.radar import RadarParameters
-from .illumination import LitEchoes, PointEchoes, TileKnots, amplitude_of, dark_sphere
+from .illumination import Antennas, PointAntennas, TileNodes, amplitude_of, dark_sphere
 from .instructions import FLOAT, INT, INT32, instructions, order
 from .lines import _cos_cycles, _fraction, _sin_cycles
 from .memory import WorkSpace
@@ -106,13 +106,13 @@ def project_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m
     """
     profiles = Profiles(plan.window, plan.lattice, plan.range_m, memory)
     work, tiles = PointWork.for_threads(), [PointTiles.of(points, plan) for points in layers]
-    knots = [plan.lit and TileKnots(points, plan.tile, plan.lit) for points in layers]
+    nodes = [plan.lit and TileNodes(points, plan.tile, plan.lit) for points in layers]
     for echoes in profiles.chunks(len(samples)):
         some = PointProfiles.of(profiles, samples[echoes])
-        for layer, part, nodes in zip(tiles, np.split(image, len(layers)), knots, strict=True):
+        for layer, part, there in zip(tiles, np.split(image, len(layers)), nodes, strict=True):
             _project_points(some, tx_m[echoes], rx_m[echoes], layer, part, work,
-                            None if illumination is None else PointLight.of(
-                                plan, illumination.select(echoes), nodes))
+                            None if illumination is None else PointIllumination.of(
+                                plan, illumination.select(echoes), there))
 
 
 class PointProfiles(NamedTuple):
@@ -196,21 +196,21 @@ class PointWork(NamedTuple):
                    *np.empty((5, n), np.float32), np.empty(RUN * n, np.float32))
 
 
-class PointLight(NamedTuple):
-    """How echoes light points.
+class PointIllumination(NamedTuple):
+    """How echoes illuminate points.
 
     Parameters
     ----------
     centre, axes, table, place :
-        Of `PointEchoes`.
+        Of `PointAntennas`.
     ends : (6,) float64
-        Ends of `LitEchoes`.
+        Ends of `Antennas`.
     each : int
         1 where amplitudes are found at each point of all tiles.
     line, unknown :
-        Of `TileKnots`.
-    knots : (K * R,) float32
-        Amplitudes at the knots of each echo in turn.
+        Of `TileNodes`.
+    nodes : (K * R,) float32
+        Amplitudes at the nodes of each echo in turn.
     down, across : (TILE,) float32
         Row and column of each point of a tile.
     """
@@ -223,40 +223,41 @@ class PointLight(NamedTuple):
     each: int
     line: int
     unknown: np.ndarray
-    knots: np.ndarray
+    nodes: np.ndarray
     down: np.ndarray
     across: np.ndarray
 
     @classmethod
-    def of(cls, plan: PointPlan, illumination: Illumination, tiles: TileKnots) -> PointLight:
+    def of(cls, plan: PointPlan, illumination: Illumination, tiles: TileNodes
+           ) -> PointIllumination:
         """Of the points of a plan, by some echoes."""
-        echoes = PointEchoes.of(illumination)
-        return cls(*echoes, LitEchoes.of(illumination).ends, int(plan.lit.each),
+        echoes = PointAntennas.of(illumination)
+        return cls(*echoes, Antennas.of(illumination).ends, int(plan.lit.each),
                    tiles.line, tiles.unknown, tiles.amplitudes(echoes), *(
                        v.astype(np.float32) for v in np.divmod(np.arange(TILE), plan.tile[1])))
 
 
 @njit(parallel=True)
-def _project_points(profiles, tx, rx, tiles, image, work, light):
-    """Threads take tiles in turn; `light` is None where all points are lit alike.
+def _project_points(profiles, tx, rx, tiles, image, work, illumination):
+    """Threads take tiles in turn; `illumination` is None where all points are illuminated alike.
 
     What the loop does is a function of its own: Numba 0.68 loses a factor of the amplitudes where
     a parallel loop itself takes named tuples apart.
     """
     n_groups = len(work.index) // TILE
     for group in numba.prange(n_groups):
-        _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, light)
+        _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, illumination)
 
 
 @njit(distinct=True, error_model='numpy')
-def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, light):
+def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, illumination):
     """Add echoes to every so many tiles."""
     coefficients, n_echoes, n_cells, range_zero, step, cycles_per_step, cycles_zero = profiles
     xs, ys, zs, strides, n_y, n_x, height, width, reach = tiles
     places, offsets, index, part, cycles, amplitude, real, imag, columns = work
-    if light is not None:
-        centre, axes, table, place, ends, each, line, unknown, knots, down, across = light
-        # knots to the last one of a tile; an axis of one point has one alone
+    if illumination is not None:
+        centre, axes, table, place, ends, each, line, unknown, nodes, down, across = illumination
+        # nodes to the last one of a tile; an axis of one point has one alone
         to_below, to_right = 2 * min(height - 1, 1) * line, 2 * min(width - 1, 1)
     tiles_x = (n_x + width - 1) // width
     n_tiles = tiles_x * ((n_y + height - 1) // height)
@@ -296,14 +297,14 @@ def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, light):
             real[to + k] = 0.0
             imag[to + k] = 0.0
         alone = 0
-        if light is not None:
-            # rows and columns from the first knot of the tile to the last
+        if illumination is not None:
+            # rows and columns from the first node of the tile to the last
             rows, wide = min(height, n_y - 1 - top), min(width, n_x - 1 - left)
             corner = np.int64(number // tiles_x * to_below + number % tiles_x * to_right)
             alone = each
             if each == 0:
-                alone = _unknown_knot(unknown, corner, to_below, to_right, line)
-            # Differences between knots by the pixel; none of second order for two points.
+                alone = _unknown_node(unknown, corner, to_below, to_right, line)
+            # Differences between nodes by the pixel; none of second order for two points.
             iy, ix = np.float32(1.0 / max(rows, 1)), np.float32(1.0 / max(wide, 1))
             y_bent, x_bent = rows // 2, wide // 2
             above = np.float32(min(y_bent, 1) * iy / max(y_bent, 1))
@@ -311,7 +312,7 @@ def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, light):
             before = np.float32(min(x_bent, 1) * ix / max(x_bent, 1))
             after = np.float32(min(x_bent, 1) * ix / max(wide - x_bent, 1))
         for echo in range(n_echoes):
-            if light is not None:
+            if illumination is not None:
                 if alone == 1:
                     if dark_sphere(centre, axes, ends, np.uint64(echo), cx, cy, cz,
                                    radius) == 1:
@@ -321,15 +322,15 @@ def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, light):
                             centre, axes, table, place, np.uint64(echo), places[px + k],
                             places[py + k], places[pz + k])
                 else:
-                    # parabolas along rows of knots, whose coefficients are such along columns
+                    # parabolas along rows of nodes, whose coefficients are such along columns
                     at, to_mid = corner * n_echoes + echo, to_below // 2 * n_echoes
                     to_last = to_below * n_echoes
                     mid, end = to_right // 2 * n_echoes, to_right * n_echoes
-                    a0, a1, a2 = knots[at], knots[at + to_mid], knots[at + to_last]
-                    b0, b1, b2 = (knots[at + end], knots[at + to_mid + end],
-                                  knots[at + to_last + end])
-                    c0, c1, c2 = (knots[at + mid], knots[at + to_mid + mid],
-                                  knots[at + to_last + mid])
+                    a0, a1, a2 = nodes[at], nodes[at + to_mid], nodes[at + to_last]
+                    b0, b1, b2 = (nodes[at + end], nodes[at + to_mid + end],
+                                  nodes[at + to_last + end])
+                    c0, c1, c2 = (nodes[at + mid], nodes[at + to_mid + mid],
+                                  nodes[at + to_last + mid])
                     if a0 + a1 + a2 + b0 + b1 + b2 + c0 + c1 + c2 == 0.0:
                         continue
                     c0 = _bend(a0, c0, b0, before, after)
@@ -366,7 +367,7 @@ def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, light):
                 vx, vy, vz = (np.float32(bx * scale), np.float32(by * scale),
                               np.float32(bz * scale))
                 wb, ib = np.float32(0.5 * scale), np.float32(2.0 * step / db)
-                turns, n_last = np.float32(cycles_per_step), np.float32(last)
+                short_cycles, n_last = np.float32(cycles_per_step), np.float32(last)
                 for k in range(count):
                     x, y, z = offsets[ox + k], offsets[oy + k], offsets[oz + k]
                     # q / 2 of both legs, in lattice steps
@@ -378,7 +379,7 @@ def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, light):
                     part[to + k] = t - n
                     n = min(max(n + n0, np.float32(0)), n_last)
                     index[to + k] = np.int32(np.float32(RUN) * n)
-                    cycles[to + k] = _fraction(c0 + turns * shift)
+                    cycles[to + k] = _fraction(c0 + short_cycles * shift)
             else:
                 for k in range(count):
                     x, y, z = places[px + k], places[py + k], places[pz + k]
@@ -400,7 +401,7 @@ def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, light):
                     columns[i2 + k] + t * columns[i3 + k]))
                 c = cycles[to + k]
                 sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
-                if light is not None:
+                if illumination is not None:
                     re, im = re * amplitude[to + k], im * amplitude[to + k]
                 real[to + k] += re * cosine - im * sine
                 imag[to + k] += re * sine + im * cosine
@@ -414,18 +415,18 @@ def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, light):
 
 
 @njit(inline='always')
-def _unknown_knot(unknown, corner, to_below, to_right, line):
-    """1 where a knot of a tile has no position."""
+def _unknown_node(unknown, corner, to_below, to_right, line):
+    """1 where a node of a tile has no position."""
     found = 0
     for row in range(corner, corner + to_below + 1, line):
-        for knot in range(row, row + to_right + 1):
-            found |= unknown[knot]
+        for node in range(row, row + to_right + 1):
+            found |= unknown[node]
     return found
 
 
 @njit(inline='always')
 def _bend(low, between, high, before, after):
-    """Second difference of three knots; `before` and `after` are 0 for two points or one."""
+    """Second difference of three nodes; `before` and `after` are 0 for two points or one."""
     return (high - between) * after - (between - low) * before
 
 
@@ -502,7 +503,7 @@ def add_pieces(real, imag, tx, rx, starts, direction, range_start, spacing, wave
     """
     n_echoes, n = len(tx), len(real) // len(tx)
     half, last = LENGTH // 2, np.float32(n - 2)
-    one, turns = np.uint64(1), 2.0 / wavelength
+    one, cycles_per_m = np.uint64(1), 2.0 / wavelength
     index = (np.arange(LENGTH) - half).astype(np.float32)
     for k in numba.prange(len(starts)):
         to = np.uint64(k * LENGTH)
@@ -513,9 +514,9 @@ def add_pieces(real, imag, tx, rx, starts, direction, range_start, spacing, wave
             slope, bend = (c - a) / LENGTH, (c - 2 * b + a) / (2 * half * half)
             p0 = np.float32(min(max((b - range_start) / spacing, -1e6), 1e6))
             p1, p2 = np.float32(slope / spacing), np.float32(bend / spacing)
-            cycles = b * turns
+            cycles = b * cycles_per_m
             c0 = np.float32(cycles - np.floor(cycles))
-            c1, c2 = np.float32(slope * turns), np.float32(bend * turns)
+            c1, c2 = np.float32(slope * cycles_per_m), np.float32(bend * cycles_per_m)
             base = np.uint64(echo * n)
             for i in range(np.uint64(LENGTH)):
                 f = index[i]

@@ -106,7 +106,7 @@ def interpolate_carrier(b, real, imag, step, weights, taps, positions, to):
     parts = to, b.add(to, INT(VECTOR_BYTES))
     _interpolate_vector(b, (real, imag), step, weights, taps.type.count, positions, parts)
     re, im = (_load(b, part, _FLOATS) for part in parts)
-    samples = b.in_turn(re * cosine - im * sine, re * sine + im * cosine)
+    samples = b.interleaved(re * cosine - im * sine, re * sine + im * cosine)
     b.store(samples, b.pointer(to, _SAMPLES), align=4)
 
 
@@ -170,16 +170,16 @@ def _store_positions(b, v, least, last, to):
 def _interpolate_vector(b, sources, step, weights, taps, positions, targets):
     """Two starts at a time, until no lane starts later; most simply where all start alike.
 
-    Targets change with each turn, so that LLVM does not keep all weights from turn to turn: there
-    are more than registers, and most vectors need one turn.
+    Targets change with each iteration, so that LLVM does not keep all weights from one to the
+    next: there are more than registers, and most vectors need one iteration.
     """
     def sums(place, later):
         t = _load(b, positions, _FLOATS, _T)
         return _weighted_sums(b, [b.add(source, place) for source in sources], step, weights,
                               taps, t, later)
 
-    def branch(turn, where_any, where_none):
-        reached = b.bitcast(b.fcmp_ordered('>=', start.value, turn.value), ir.IntType(LANES))
+    def branch(iteration, where_any, where_none):
+        reached = b.bitcast(b.fcmp_ordered('>=', start.value, iteration.value), ir.IntType(LANES))
         b.cbranch(b.icmp_unsigned('!=', reached, ir.IntType(LANES)(0)), where_any, where_none)
 
     first = b.mul(b.load(b.pointer(positions, INT, FIRST)), step)
@@ -191,15 +191,15 @@ def _interpolate_vector(b, sources, step, weights, taps, positions, targets):
         _store(b, total, to)
     b.branch(end)
     b.position_at_end(loop)
-    place, turn = b.phi(INT), Vector(b, b.phi(_FLOATS))
-    later = b.fcmp_ordered('>', start.value, turn.value)
+    place, iteration = b.phi(INT), Vector(b, b.phi(_FLOATS))
+    later = b.fcmp_ordered('>', start.value, iteration.value)
     for total, to in zip(sums(place, later), targets, strict=True):
-        _store(b, start.where('>=', turn, total, _load(b, to, _FLOATS)), to)
-    following = turn + 2.0
+        _store(b, start.where('>=', iteration, total, _load(b, to, _FLOATS)), to)
+    following = iteration + 2.0
     place.add_incoming(first, before)
     place.add_incoming(b.add(place, b.mul(step, INT(2))), b.block)
-    turn.value.add_incoming(_FLOATS([0.0] * LANES), before)
-    turn.value.add_incoming(following.value, b.block)
+    iteration.value.add_incoming(_FLOATS([0.0] * LANES), before)
+    iteration.value.add_incoming(following.value, b.block)
     branch(following, loop, end)
     b.position_at_end(end)
 
@@ -342,9 +342,9 @@ def _first_lines(polar, grid, between, along) -> np.ndarray:
         ((line ** 2).min(), along.first - 1), ((line ** 2).max(), along.first + along.n_taps)))
     # between which directions have an extreme at most where their derivative by r is 0
     with np.errstate(over='ignore'):
-        turn = np.divide(ahead * beside2, along_track, out=np.zeros_like(rows),
+        extremum = np.divide(ahead * beside2, along_track, out=np.zeros_like(rows),
                          where=along_track != 0)
-    r = np.clip([near, np.sqrt(beside2), np.hypot(turn, np.sqrt(beside2)), far], near, far)
+    r = np.clip([near, np.sqrt(beside2), np.hypot(extremum, np.sqrt(beside2)), far], near, far)
     v = (ahead * np.sqrt(np.maximum(r ** 2 - beside2, 0.0)) + along_track) / r - zero
     # as the kernel bounds them, less what may be rounded otherwise
     v = np.clip(v.min(axis=0), 1.0, polar.n_alpha - between.n_taps - 2.0)

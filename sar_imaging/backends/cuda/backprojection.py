@@ -101,8 +101,8 @@ class AzimuthUpsampling:
 
     def _phasors(self, numbers: range, grid: PolarGrid, sign: int):
         """(P, n_alpha) complex64 carrier of each part's band along direction."""
-        turn = np.multiply.outer(sign * self._parts.frequency[numbers], grid.alpha)
-        return xp.asarray(np.exp(1j * np.fmod(turn, 2 * np.pi)).astype(np.complex64))
+        radians = np.multiply.outer(sign * self._parts.frequency[numbers], grid.alpha)
+        return xp.asarray(np.exp(1j * np.fmod(radians, 2 * np.pi)).astype(np.complex64))
 
 
 @kernel()
@@ -124,16 +124,16 @@ def merge_parts(images, n_coarse, down, start, weights, up, total):
     shared_im = cuda.shared.array(_SHARED, np.float32)
     up_re = cuda.shared.array(_PHASORS, np.float32)
     up_im = cuda.shared.array(_PHASORS, np.float32)
-    own_re = cuda.local.array(_TAPS, np.float32)
-    own_im = cuda.local.array(_TAPS, np.float32)
+    line_re = cuda.local.array(_TAPS, np.float32)
+    line_im = cuda.local.array(_TAPS, np.float32)
     slow_re = cuda.local.array(_PIXELS, np.float32)
     slow_im = cuda.local.array(_PIXELS, np.float32)
     real = cuda.local.array(_PIXELS, np.float32)
     imag = cuda.local.array(_PIXELS, np.float32)
-    top, own = cuda.blockIdx.y * _LINES, cuda.threadIdx.y
-    thread, n_parts = own * _RANGES + cuda.threadIdx.x, down.shape[0]
+    top, row = cuda.blockIdx.y * _LINES, cuda.threadIdx.y
+    thread, n_parts = row * _RANGES + cuda.threadIdx.x, down.shape[0]
     n_lines, n_range = total.shape[1], total.shape[2]
-    line, first = min(top + own, n_lines - 1), cuda.blockIdx.x * _WIDTH + cuda.threadIdx.x
+    line, first = min(top + row, n_lines - 1), cuda.blockIdx.x * _WIDTH + cuda.threadIdx.x
     apart, between = np.uint64(n_range), np.uint64(n_coarse * n_range)
     for p in range(_PIXELS):
         real[p], imag[p] = 0.0, 0.0
@@ -143,22 +143,22 @@ def merge_parts(images, n_coarse, down, start, weights, up, total):
         for item in range(thread, n_some * _LINES * _TAPS, _RANGES * _LINES):
             part, there = begin + item // (_LINES * _TAPS), item // _TAPS % _LINES
             k, there = item % _TAPS, min(top + there, n_lines - 1)
-            turn, w = down[part, start[there] + k], weights[there, k]
-            shared_re[item], shared_im[item] = w * turn.real, w * turn.imag
+            factor, w = down[part, start[there] + k], weights[there, k]
+            shared_re[item], shared_im[item] = w * factor.real, w * factor.imag
         for item in range(thread, n_some * _LINES, _RANGES * _LINES):
-            turn = up[begin + item // _LINES, min(top + item % _LINES, n_lines - 1)]
-            up_re[item], up_im[item] = turn.real, turn.imag
+            factor = up[begin + item // _LINES, min(top + item % _LINES, n_lines - 1)]
+            up_re[item], up_im[item] = factor.real, factor.imag
         cuda.syncthreads()
         for number in range(n_some):
             at = np.uint64((2 * (begin + number) * n_coarse + start[line]) * n_range + first)
-            item = np.uint64((number * _LINES + own) * _TAPS)
+            item = np.uint64((number * _LINES + row) * _TAPS)
             for p in range(_PIXELS):
                 slow_re[p], slow_im[p] = 0.0, 0.0
             for k in range(_TAPS):
                 at_k = item + np.uint64(k)
-                own_re[k], own_im[k] = shared_re[at_k], shared_im[at_k]
+                line_re[k], line_im[k] = shared_re[at_k], shared_im[at_k]
             for k in range(_TAPS):
-                cosine, sine = own_re[k], own_im[k]
+                cosine, sine = line_re[k], line_im[k]
                 for p in range(_PIXELS):
                     # steps from range to range are constants of the instructions
                     re = images[at + np.uint64(p * _RANGES)]
@@ -168,13 +168,13 @@ def merge_parts(images, n_coarse, down, start, weights, up, total):
                     slow_im[p] += re * sine
                     slow_im[p] += im * cosine
                 at += apart
-            cosine, sine = up_re[number * _LINES + own], up_im[number * _LINES + own]
+            cosine, sine = up_re[number * _LINES + row], up_im[number * _LINES + row]
             for p in range(_PIXELS):
                 real[p] += slow_re[p] * cosine - slow_im[p] * sine
                 imag[p] += slow_re[p] * sine + slow_im[p] * cosine
     for p in range(_PIXELS):
         i = first + p * _RANGES
-        if i < n_range and top + own < n_lines:
+        if i < n_range and top + row < n_lines:
             total[0, line, i] += real[p]
             total[1, line, i] += imag[p]
 

@@ -4,9 +4,10 @@ Kernels sum echoes to beams, and read the lines of images from these. What tells
 of a launch apart is in two arrays:
 
 - `rows` (G, 3) int64: the first of its echoes, how many there are, and its beams;
-- `own` (G, 10) float64: its middle, metres; that one's height above the plane, metres; the range
-  at which paths are compared, metres; direction cosine of the first beam, and spacing; directions
-  beyond which paths are continued straight; the weight of the second order between beams.
+- `geometry` (G, 10) float64: its middle, metres; that one's height above the plane, metres; the
+  range at which paths are compared, metres; direction cosine of the first beam, and spacing;
+  directions beyond which paths are continued straight; the weight of the second order between
+  beams.
 
 Phases are told from the carrier's, in float64, and by bin from there, some cycles, in float32.
 """
@@ -28,7 +29,7 @@ from .illumination import Antennas, amplitude, in_axes
 from .phasors import fraction, phasor, short_fraction
 from .profiles import profile_spectra
 
-CENTRE, HEIGHT, RANGE, START, SPACING, LOW, HIGH, BEND = 0, 3, 4, 5, 6, 7, 8, 9  # of `own`
+CENTRE, HEIGHT, RANGE, START, SPACING, LOW, HIGH, BEND = 0, 3, 4, 5, 6, 7, 8, 9  # of `geometry`
 BEAMS = 8  # of a thread, which has one cell
 _PAIRS = BEAMS // 2
 _ECHOES = 32  # whose numbers lie in shared memory
@@ -38,12 +39,12 @@ _ONE = np.float32(1.0)
 
 
 @function
-def _leg(own, track, g, direction, x, y, z):
+def _leg(geometry, track, g, direction, x, y, z):
     """By how much a point in a direction is further from a phase centre than from the middle.
 
     See `BeamGeometry.extra_path`; x, y and z are the phase centre less the middle, metres.
     """
-    height, range_m = own[g, HEIGHT], own[g, RANGE]
+    height, range_m = geometry[g, HEIGHT], geometry[g, RANGE]
     square = range_m * range_m
     along = range_m * direction
     across = math.sqrt(max(square - along * along - height * height, 0.0))
@@ -55,24 +56,24 @@ def _leg(own, track, g, direction, x, y, z):
 
 
 @function
-def _extra_path(own, track, g, direction, centres, row):
+def _extra_path(geometry, track, g, direction, centres, row):
     """Mean of both legs of an echo, metres."""
-    cx, cy, cz = own[g, CENTRE], own[g, CENTRE + 1], own[g, CENTRE + 2]
-    return 0.5 * (_leg(own, track, g, direction, centres[row, 0] - cx, centres[row, 1] - cy,
+    cx, cy, cz = geometry[g, CENTRE], geometry[g, CENTRE + 1], geometry[g, CENTRE + 2]
+    return 0.5 * (_leg(geometry, track, g, direction, centres[row, 0] - cx, centres[row, 1] - cy,
                        centres[row, 2] - cz)
-                  + _leg(own, track, g, direction, centres[row, 3] - cx, centres[row, 4] - cy,
+                  + _leg(geometry, track, g, direction, centres[row, 3] - cx, centres[row, 4] - cy,
                          centres[row, 5] - cz))
 
 
 @kernel()
-def beam_paths(centres, rows, own, track, path):
+def beam_paths(centres, rows, geometry, track, path):
     """Extra paths of echoes in the directions of beams; a grid of (beams and echoes, G).
 
     Parameters
     ----------
     centres : (R, 6) float64
         Transmitter and receiver of each echo, metres.
-    rows, own :
+    rows, geometry :
         Of the sub-apertures.
     track : (4,) float64
         Horizontal unit vectors along the track and across it.
@@ -84,13 +85,13 @@ def beam_paths(centres, rows, own, track, path):
     if beam >= rows[g, 2] or echo >= rows[g, 1]:
         return
     row = rows[g, 0] + echo
-    direction = own[g, START] + own[g, SPACING] * beam
-    inside = min(max(direction, own[g, LOW]), own[g, HIGH])
-    found = _extra_path(own, track, g, inside, centres, row)
+    direction = geometry[g, START] + geometry[g, SPACING] * beam
+    inside = min(max(direction, geometry[g, LOW]), geometry[g, HIGH])
+    found = _extra_path(geometry, track, g, inside, centres, row)
     if direction != inside:
         found += (direction - inside) * (
-            _extra_path(own, track, g, inside + _STEP, centres, row)
-            - _extra_path(own, track, g, inside - _STEP, centres, row)) / (2.0 * _STEP)
+            _extra_path(geometry, track, g, inside + _STEP, centres, row)
+            - _extra_path(geometry, track, g, inside - _STEP, centres, row)) / (2.0 * _STEP)
     path[g, beam, echo] = found
 
 
@@ -135,7 +136,7 @@ def form_beams(spectra, weights, rows, path, cycles_per_m, table, per_step, gain
         the bins.
     """
     middle = cuda.shared.array((5, _ECHOES), np.float32)
-    turn = cuda.shared.array(_PAIR_ITEMS, np.float32)
+    beside_cycles = cuda.shared.array(_PAIR_ITEMS, np.float32)
     growth = cuda.shared.array(_PAIR_ITEMS, np.float32)
     even_re = cuda.local.array(_PAIRS, np.float32)
     even_im = cuda.local.array(_PAIRS, np.float32)
@@ -165,7 +166,7 @@ def form_beams(spectra, weights, rows, path, cycles_per_m, table, per_step, gain
             upper = min(first + item % _PAIRS, (first + last) // 2)
             echo, lower = start + item // _PAIRS, first + last - upper
             beside = 0.5 * (path[g, upper, echo] - path[g, lower, echo])
-            turn[item] = np.float32(fraction(cycles_per_m[0] * beside))
+            beside_cycles[item] = np.float32(fraction(cycles_per_m[0] * beside))
             growth[item] = np.float32(cycles_per_m[1] * beside)
         for item in range(thread, n_some, cuda.blockDim.x):
             echo, mean = start + item, 0.0
@@ -190,7 +191,7 @@ def form_beams(spectra, weights, rows, path, cycles_per_m, table, per_step, gain
             re, im = re * cosine - im * sine, re * sine + im * cosine
             for p in range(_PAIRS):
                 item = np.uint64(echo * _PAIRS + p)
-                cosine, sine = phasor(short_fraction(turn[item] + n * growth[item]))
+                cosine, sine = phasor(short_fraction(beside_cycles[item] + n * growth[item]))
                 even_re[p] += re * cosine
                 even_im[p] += im * cosine
                 odd_re[p] += re * sine
@@ -279,7 +280,7 @@ _BEAM_WEIGHTS, _CELL_WEIGHTS = BEAM_TAPS * (DEGREE + 1), CELL_TAPS * (DEGREE + 1
 
 
 @kernel()
-def interpolate_beams(beams, n_cells, most, rows, own, grid, between, along, first_between,
+def interpolate_beams(beams, n_cells, most, rows, geometry, grid, between, along, first_between,
                       first_along, images):
     """Lines of a polar image at range baseband from beams; a grid of (ranges, lines, G).
 
@@ -289,7 +290,7 @@ def interpolate_beams(beams, n_cells, most, rows, own, grid, between, along, fir
     ----------
     beams, n_cells, most : pairs, int, int
         By direction and cell, (G, M, K) complex64; K and M.
-    rows, own :
+    rows, geometry :
         Of the sub-apertures.
     grid : (14,) float64
         Grid of the images: first range and spacing, metres; first direction cosine and spacing;
@@ -302,31 +303,33 @@ def interpolate_beams(beams, n_cells, most, rows, own, grid, between, along, fir
     images : (G, 2, n_alpha, n_range) float32
         Real and imaginary part.
     """
-    _interpolate(beams, n_cells, most, rows, own, grid, between, along, first_between,
+    _interpolate(beams, n_cells, most, rows, geometry, grid, between, along, first_between,
                  first_along, images, None)
 
 
 @kernel()
-def interpolate_lit_beams(beams, n_cells, most, rows, own, grid, between, along, first_between,
-                          first_along, images, parabolas, apart):
+def interpolate_weighted_beams(beams, n_cells, most, rows, geometry, grid, between, along,
+                               first_between, first_along, images, parabolas, apart):
     """As `interpolate_beams`, of echoes whose amplitude is a parabola of their phase.
 
     Parameters
     ----------
-    beams, n_cells, most, rows, own, grid, between, along, first_between, first_along, images :
+    beams, n_cells, most, rows, geometry, grid, between, along :
+        As of `interpolate_beams`.
+    first_between, first_along, images :
         As of `interpolate_beams`.
     parabolas : (G, n_alpha, K, 3) float32
-        Coefficients A, B and C, see `fit_parabolas`, at knots along range.
+        Coefficients A, B and C, see `fit_parabolas`, at support points along range.
     apart : int
-        Pixels between knots.
+        Pixels between support points.
     """
-    _interpolate(beams, n_cells, most, rows, own, grid, between, along, first_between,
+    _interpolate(beams, n_cells, most, rows, geometry, grid, between, along, first_between,
                  first_along, images, (parabolas, apart))
 
 
 @kernel()
-def fit_parabolas(axes, table, place, positions, rows, own, grid, phase, parabolas):
-    """Amplitude of a sub-aperture's echoes as a parabola through three; a grid of (knots, G).
+def fit_parabolas(axes, table, place, positions, rows, geometry, grid, phase, parabolas):
+    """Amplitude of a sub-aperture's echoes as a parabola through three; a grid of (K, G).
 
     p is the phase of an echo from beam to beam at the carrier: the amplitude is
     ``A + B p + C p^2``.
@@ -336,21 +339,21 @@ def fit_parabolas(axes, table, place, positions, rows, own, grid, phase, parabol
     axes, table, place :
         As of `illumination.Antennas`, of three echoes of each sub-aperture.
     positions : (3, K) float64
-        Positions of the knots, metres.
-    rows, own, grid :
+        Positions of the support points, metres.
+    rows, geometry, grid :
         As of `interpolate_beams`.
     phase : (G, M, 3) float64
         p of the three echoes in the direction of each beam.
     parabolas : (G, K, 3) float32
         A, B and C.
     """
-    knot, g = cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x, cuda.blockIdx.y
-    if knot >= parabolas.shape[1]:
+    support, g = cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x, cuda.blockIdx.y
+    if support >= parabolas.shape[1]:
         return
-    px, py, pz = positions[0, knot], positions[1, knot], positions[2, knot]
-    x, y, z = px - own[g, CENTRE], py - own[g, CENTRE + 1], pz - own[g, CENTRE + 2]
+    px, py, pz = positions[0, support], positions[1, support], positions[2, support]
+    x, y, z = px - geometry[g, CENTRE], py - geometry[g, CENTRE + 1], pz - geometry[g, CENTRE + 2]
     direction = (x * grid[5] + y * grid[6]) / math.sqrt(x * x + y * y + z * z)
-    beam = (direction - own[g, START]) / own[g, SPACING]
+    beam = (direction - geometry[g, START]) / geometry[g, SPACING]
     n = min(max(int(beam), 0), rows[g, 2] - 2)
     t = beam - n
     x0 = phase[g, n, 0] + t * (phase[g, n + 1, 0] - phase[g, n, 0])
@@ -368,13 +371,13 @@ def fit_parabolas(axes, table, place, positions, rows, own, grid, phase, parabol
             c = ((y2 - y1) / (x2 - x1) - slope) / (x2 - x0)
             b = slope - c * (x0 + x1)
         a = y0 - x0 * (b + c * x0)
-    parabolas[g, knot, 0], parabolas[g, knot, 1], parabolas[g, knot, 2] = a, b, c
+    parabolas[g, support, 0], parabolas[g, support, 1], parabolas[g, support, 2] = a, b, c
 
 
 @function
-def _interpolate(beams, n_cells, most, rows, own, grid, between, along, first_between,
-                 first_along, images, light):
-    """What both kernels do; `light` is None where echoes light all pixels alike."""
+def _interpolate(beams, n_cells, most, rows, geometry, grid, between, along, first_between,
+                 first_along, images, illumination):
+    """What both kernels do; `illumination` is None where echoes illuminate all pixels alike."""
     beam_weights = cuda.shared.array(_BEAM_WEIGHTS, np.float32)
     cell_weights = cuda.shared.array(_CELL_WEIGHTS, np.float32)
     reading = cuda.local.array(_CELL_TAPS, np.float32)
@@ -390,11 +393,11 @@ def _interpolate(beams, n_cells, most, rows, own, grid, between, along, first_be
     r, alpha = grid[0] + i * grid[1], grid[2] + line * grid[3]
     ground = math.sqrt(r * r * (1.0 - alpha * alpha) - grid[4])
     # along the track u, and across it: side (-u_y, u_x)
-    x = grid[8] - own[g, CENTRE] + r * alpha * grid[5] - ground * grid[7] * grid[6]
-    y = grid[9] - own[g, CENTRE + 1] + r * alpha * grid[6] + ground * grid[7] * grid[5]
-    distance = math.sqrt(x * x + y * y + own[g, HEIGHT] * own[g, HEIGHT])
+    x = grid[8] - geometry[g, CENTRE] + r * alpha * grid[5] - ground * grid[7] * grid[6]
+    y = grid[9] - geometry[g, CENTRE + 1] + r * alpha * grid[6] + ground * grid[7] * grid[5]
+    distance = math.sqrt(x * x + y * y + geometry[g, HEIGHT] * geometry[g, HEIGHT])
     direction = (x * grid[5] + y * grid[6]) / distance
-    place = (direction - own[g, START]) / own[g, SPACING]
+    place = (direction - geometry[g, START]) / geometry[g, SPACING]
     highest = float(rows[g, 2] - _BEAM_TAPS - first_between)
     place = min(max(place, float(-first_between)), highest + 1.0)
     n = min(math.floor(place), highest)
@@ -404,15 +407,15 @@ def _interpolate(beams, n_cells, most, rows, own, grid, between, along, first_be
     place = min(max(place, float(-first_along)), highest + 1.0)
     n = min(math.floor(place), highest)
     s, cell = np.float32(place - n), int(n) + first_along
-    bend = np.float32((1.0 - direction * direction) * (1.0 / distance - 1.0 / own[g, RANGE])
-                      * own[g, BEND])
-    if light is not None:
-        parabolas, apart = light
-        knot = i // apart
-        share = np.float32(i - knot * apart) / np.float32(apart)
-        a, b, c = (_between(parabolas, g, line, knot, share, 0),
-                   _between(parabolas, g, line, knot, share, 1),
-                   _between(parabolas, g, line, knot, share, 2))
+    bend = np.float32((1.0 - direction * direction) * (1.0 / distance - 1.0 / geometry[g, RANGE])
+                      * geometry[g, BEND])
+    if illumination is not None:
+        parabolas, apart = illumination
+        support = i // apart
+        share = np.float32(i - support * apart) / np.float32(apart)
+        a, b, c = (_between(parabolas, g, line, support, share, 0),
+                   _between(parabolas, g, line, support, share, 1),
+                   _between(parabolas, g, line, support, share, 2))
     for k in range(_CELL_TAPS):
         w = cell_weights[(_POWERS - 1) * _CELL_TAPS + k]
         for power in range(_POWERS - 2, -1, -1):
@@ -433,14 +436,14 @@ def _interpolate(beams, n_cells, most, rows, own, grid, between, along, first_be
         for power in range(_POWERS - 1, 1, -1):
             second = (np.float32(power * (power - 1)) * beam_weights[power * _BEAM_TAPS + m]
                       + t * second)
-        turned = second * bend
-        if light is not None:
+        rotated = second * bend
+        if illumination is not None:
             once = np.float32(0.0)
             for power in range(_POWERS - 1, 0, -1):
                 once = np.float32(power) * beam_weights[power * _BEAM_TAPS + m] + t * once
-            w, turned = a * w - c * second, a * turned - b * once
-        real += w * re - turned * im
-        imag += w * im + turned * re
+            w, rotated = a * w - c * second, a * rotated - b * once
+        real += w * re - rotated * im
+        imag += w * im + rotated * re
     cosine, sine = phasor(np.float32(fraction(grid[12] * (distance - (r - grid[0])
                                                          - grid[13]))))
     images[g, 0, line, i] = real * cosine - imag * sine
@@ -448,9 +451,9 @@ def _interpolate(beams, n_cells, most, rows, own, grid, between, along, first_be
 
 
 @function
-def _between(parabolas, g, line, knot, share, order):
-    """A coefficient between two knots of a line."""
-    low, high = parabolas[g, line, knot, order], parabolas[g, line, knot + 1, order]
+def _between(parabolas, g, line, support, share, order):
+    """A coefficient between two support points of a line."""
+    low, high = parabolas[g, line, support, order], parabolas[g, line, support + 1, order]
     return low + share * (high - low)
 
 
@@ -472,8 +475,8 @@ class Beams:
         number = (np.arange(n_bins) - source.zero + n_bins // 2) % n_bins - n_bins // 2
         # each bin's share is changed beforehand by what reading the cells takes from it
         gain = sampling.range_gain(source.gain(n_bins), number, n_cells)
-        turn = np.exp(2j * np.pi * np.fmod(number * (first / n_cells), 1.0))
-        self._gain = xp.asarray((gain * turn).astype(np.complex64))
+        shift = np.exp(2j * np.pi * np.fmod(number * (first / n_cells), 1.0))
+        self._gain = xp.asarray((gain * shift).astype(np.complex64))
         self._cycles_per_m = 2 / source.radar.wavelength_m
         self._scales = xp.asarray(np.array([self._cycles_per_m, 1 / (n_cells * lattice.cell_m)]))
         self._track = xp.asarray(np.array([*polar.track, *polar.across]))
@@ -485,7 +488,8 @@ class Beams:
         self._table = xp.asarray(np.exp(sampling.between.log_gain).astype(np.float32))
         self._weights = [xp.asarray(v.weights) for v in (sampling.between.interpolator,
                                                          sampling.along)]
-        self._lit = plan.lit and _LitLines(polar, plan.lit.apart * sampling.segment)
+        self._amplitudes = plan.lit and _AmplitudeParabolas(polar,
+                                                            plan.lit.apart * sampling.segment)
         # neighbours that may share phases, as the processor's do
         self._form = form_beams if sampling.group >= BEAMS else form_single_beams
 
@@ -526,18 +530,18 @@ class Beams:
         found = [self._geometry(tx_m[piece], rx_m[piece]) for piece in pieces]
         rows = np.array([(piece.start, piece.stop - piece.start, n_beams)
                          for piece, (_, n_beams, _) in zip(pieces, found, strict=True)])
-        own = xp.asarray(np.array([values for _, _, values in found]))
+        geometry = xp.asarray(np.array([values for _, _, values in found]))
         most, there = int(rows[:, 2].max()), xp.asarray(rows)
-        beams = self._beams(samples, weights, rows, there, own,
+        beams = self._beams(samples, weights, rows, there, geometry,
                             np.concatenate([tx_m, rx_m], axis=1))
         images = xp.empty((len(pieces), 2, *polar.shape), np.float32)
-        lit = () if self._lit is None else self._lit.parabolas(
-            nodes, found, (there, own, self._grid), self._cycles_per_m)
+        parabolas = () if self._amplitudes is None else self._amplitudes.parabolas(
+            nodes, found, (there, geometry, self._grid), self._cycles_per_m)
         between, along = self._plan.beams.between.interpolator, self._plan.beams.along
-        launch(interpolate_lit_beams if lit else interpolate_beams,
+        launch(interpolate_weighted_beams if parabolas else interpolate_beams,
                (-(-polar.n_range // _THREADS), polar.n_alpha, len(pieces)), _THREADS, pairs(beams),
-               self._plan.lattice.n_cells, most, there, own, self._grid, *self._weights,
-               between.first, along.first, images, *lit)
+               self._plan.lattice.n_cells, most, there, geometry, self._grid, *self._weights,
+               between.first, along.first, images, *parabolas)
         return images
 
     def _geometry(self, tx_m, rx_m) -> tuple[BeamGeometry, int, tuple]:
@@ -561,14 +565,14 @@ class Beams:
                 bend)
         return self._geometries[key]
 
-    def _beams(self, samples, weights, rows, there, own, centres):
+    def _beams(self, samples, weights, rows, there, geometry, centres):
         """(G, M, n_cells) complex64 beams at range baseband; `there` is `rows` on the device."""
         source, lattice, between = self._plan.source, self._plan.lattice, self._plan.beams.between
         spectra = xp.ascontiguousarray(profile_spectra(source, samples, lattice.n_padded))
         n, n_echoes, most = len(rows), int(rows[:, 1].max()), int(rows[:, 2].max())
         path = xp.empty((n, most, n_echoes), np.float64)
         launch(beam_paths, (-(-most * n_echoes // _THREADS), n), _THREADS, xp.asarray(centres),
-               there, own, self._track, path)
+               there, geometry, self._track, path)
         beams = xp.empty((n, most, lattice.n_cells), np.complex64)
         launch(self._form, (-(-lattice.n_cells // _THREADS), -(-most // BEAMS), n), _THREADS,
                pairs(spectra), weights, there, path, self._scales, self._table, 1 / between.step,
@@ -580,8 +584,8 @@ class Beams:
         return beams
 
 
-class _LitLines:
-    """Knots of the amplitudes along the lines of a coarse grid, so many pixels apart."""
+class _AmplitudeParabolas:
+    """Support points of the amplitudes along the lines of a coarse grid, so many pixels apart."""
 
     def __init__(self, polar: PolarGrid, apart: int):
         self._apart, self._shape = apart, (polar.n_alpha, -(-polar.n_range // apart) + 1)
@@ -591,7 +595,7 @@ class _LitLines:
 
     def parabolas(self, nodes: Sequence[AmplitudeNodes], geometries, told: tuple,
                   cycles_per_m: float) -> tuple:
-        """The last arguments of `interpolate_lit_beams`.
+        """The last arguments of `interpolate_weighted_beams`.
 
         Parameters
         ----------
@@ -600,21 +604,21 @@ class _LitLines:
         geometries : sequence of tuple
             From `Beams._geometry`.
         told : tuple
-            The kernels' `rows`, `own` and `grid`.
+            The kernels' `rows`, `geometry` and `grid`.
         cycles_per_m : float
             Carrier phase per metre of half path, cycles.
         """
         most = max(n_beams for _, n_beams, _ in geometries)
         phase = np.zeros((len(nodes), most, 3))
-        for number, (geometry, n_beams, own) in enumerate(geometries):
-            spacing = own[SPACING]
+        for number, (geometry, n_beams, numbers) in enumerate(geometries):
+            spacing = numbers[SPACING]
             slope = geometry.slope(nodes[number].tx_m, nodes[number].rx_m,
-                                   own[START] + spacing * np.arange(n_beams))
+                                   numbers[START] + spacing * np.arange(n_beams))
             phase[number, :n_beams] = 2 * math.pi * cycles_per_m * spacing * slope
-        lit = [one.illumination for one in nodes]
-        antennas = Antennas(Illumination(lit[0].pattern, *(np.concatenate(
-            [getattr(one, name) for one in lit]) for name in ('centre_m', 'axes'))))
-        found = xp.empty((len(lit), self._positions.shape[1], 3), np.float32)
+        seen = [one.illumination for one in nodes]
+        antennas = Antennas(Illumination(seen[0].pattern, *(np.concatenate(
+            [getattr(one, name) for one in seen]) for name in ('centre_m', 'axes'))))
+        found = xp.empty((len(seen), self._positions.shape[1], 3), np.float32)
         launch(fit_parabolas, (-(-found.shape[1] // _THREADS), len(found)), _THREADS,
                antennas.axes, antennas.table, antennas.place, self._positions, *told,
                xp.asarray(phase), found)

@@ -40,15 +40,15 @@ class Antennas:
         self.ends = xp.asarray(np.array([math.sin(right), math.sin(left), math.cos(high),
                                          math.sin(high), math.cos(low), math.sin(low)]))
 
-    def at_knots(self, positions, echoes: slice):
-        """(K, R) float32 amplitudes of some echoes at knots (3, K) float64, metres.
+    def at_nodes(self, positions, echoes: slice):
+        """(K, R) float32 amplitudes of some echoes at nodes (3, K) float64, metres.
 
-        All are arrays of the device; a NaN stands where a knot has no position.
+        All are arrays of the device; a NaN stands where a node has no position.
         """
         axes = self.axes[echoes]
         found = xp.empty((positions.shape[1], len(axes)), np.float32)
-        launch(light_knots, -(-found.size // _THREADS), _THREADS, axes, self.table, self.place,
-               positions, found)
+        launch(amplitudes_at_nodes, -(-found.size // _THREADS), _THREADS, axes, self.table,
+               self.place, positions, found)
         return found
 
 
@@ -85,25 +85,25 @@ def amplitude(table, place, right, ahead, up):
 
 
 @kernel()
-def light_knots(axes, table, place, positions, found):
-    """Amplitudes of echoes at knots; a thread for each of both.
+def amplitudes_at_nodes(axes, table, place, positions, found):
+    """Amplitudes of echoes at nodes; a thread for each of both.
 
     Parameters
     ----------
     axes, table, place :
         As of `Antennas`.
     positions : (3, K) float64
-        Positions of the knots, metres.
+        Positions of the nodes, metres.
     found : (K, R) float32
-        Amplitudes; NaN where a knot has no position.
+        Amplitudes; NaN where a node has no position.
     """
     at, n_echoes = cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x, axes.shape[0]
     if at >= found.size:
         return
-    knot, echo = at // n_echoes, at % n_echoes
-    x, y, z = positions[0, knot], positions[1, knot], positions[2, knot]
+    node, echo = at // n_echoes, at % n_echoes
+    x, y, z = positions[0, node], positions[1, node], positions[2, node]
     if math.isnan(x + y + z):
-        found[knot, echo] = math.nan
+        found[node, echo] = math.nan
     else:
         right, ahead, up = in_axes(axes, echo, x, y, z)
-        found[knot, echo] = amplitude(table, place, right, ahead, up)
+        found[node, echo] = amplitude(table, place, right, ahead, up)

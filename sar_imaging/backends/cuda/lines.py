@@ -19,7 +19,7 @@ import numpy as np
 
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
-from ...planning.exact.illumination import LINES as LIT_LINES, LitLines, knot_positions
+from ...planning.exact.illumination import LINES as NODE_LINES, LitLines, knot_positions
 from ...planning.profiles import PhaseHistory, RangeGate, RangeResampling
 from .arrays import cuda, function, kernel, launch, load_pair, pairs, xp
 from .illumination import Antennas
@@ -34,11 +34,11 @@ FOLD = 5  # cells of a block, 32, whose coefficients of one power stand together
 _BLOCK, _BLOCK_PAIRS = 1 << FOLD, np.uint64(5 << FOLD)  # cells, and coefficients: of degree 4
 _FOLD, _IN_BLOCK = np.uint32(FOLD), np.uint32(_BLOCK - 1)
 _REGISTERS = 168  # that three blocks may run at once, and nearly nothing is spilled
-_DARK = np.int32(-1)  # in place of the first cell of a line that an echo does not light
+_DARK = np.int32(-1)  # in place of the first cell of a line that an echo does not illuminate
 _SUMS, _CELLS = LINES * PIXELS, 5 * PIXELS  # registers of a thread
 _PLACE, _PHASOR, _DRIFT = 3, 8, 3  # numbers of an item, and of a line of the shared reference
 _R2, _R6, _R8, _R24 = (np.float32(1 / v) for v in (2, 6, 8, 24))
-_ONE, _TURN = np.float32(1.0), np.float32(2 * np.pi)
+_ONE, _TWO_PI = np.float32(1.0), np.float32(2 * np.pi)
 
 
 def block_lines(segment: int) -> int:
@@ -145,70 +145,71 @@ def add_lines(planes, profile, segment, centres, lines, ramp, image, layout):
 
 
 @kernel(registers=_REGISTERS)
-def add_lit_lines(planes, profile, segment, centres, lines, ramp, image, layout, amplitude,
+def add_weighted_lines(planes, profile, segment, centres, lines, ramp, image, layout, amplitude,
                   between, apart, first):
-    """As `add_lines`, of echoes that light pixels by an amplitude; what is dark is left out.
+    """As `add_lines`, of echoes that illuminate pixels by an amplitude; what is dark is left out.
 
     Parameters
     ----------
     planes, profile, segment, centres, lines, ramp, image, layout :
         As of `add_lines`.
     amplitude : (K, R) float32
-        At the knots of `planning.exact.illumination.knot_positions`: groups of lines, places,
-        knots; those of the group that the first line is in come first.
+        At the nodes of `planning.exact.illumination.knot_positions`: groups of lines, places,
+        nodes; those of the group that the first line is in come first.
     between : (n_lines,) float32
-        How far a line lies from the knot before it to the next.
+        How far a line lies from the node before it to the next.
     apart, first : int
-        Lines between knots, and number of the first line in its group.
+        Lines between nodes, and number of the first line in its group.
     """
     _add(planes, profile, segment, centres, lines, ramp, image, layout,
          (amplitude, between, apart, first))
 
 
 @function
-def _choose_lit(amplitude, apart, number, n_segments, lowest, highest, start, stop, chosen):
-    """How many echoes light a part of some lines' segment; `chosen` holds their numbers.
+def _choose_illuminated(amplitude, apart, number, n_segments, lowest, highest, start, stop,
+                        chosen):
+    """How many echoes illuminate a part of some lines' segment; `chosen` holds their numbers.
 
     `lowest` and `highest` are the first line and the last, counted from the first group's first;
     all threads of the block take part.
     """
-    lit = cuda.shared.array(ECHOES, np.int32)
+    illuminated = cuda.shared.array(ECHOES, np.int32)
     thread = cuda.threadIdx.x
     if thread < ECHOES:
-        lit[thread] = 0
+        illuminated[thread] = 0
     cuda.syncthreads()
-    echo, n_knots = start + thread % ECHOES, 3 * (LIT_LINES // apart + 1)  # of a tile
-    first_group = lowest // LIT_LINES
-    n_all = (highest // LIT_LINES - first_group + 1) * n_knots
+    echo, n_nodes = start + thread % ECHOES, 3 * (NODE_LINES // apart + 1)  # of a tile
+    first_group = lowest // NODE_LINES
+    n_all = (highest // NODE_LINES - first_group + 1) * n_nodes
     for k in range(thread // ECHOES, n_all if echo < stop else 0, THREADS // ECHOES):
-        group = first_group + k // n_knots
-        knot = ((group * (2 * n_segments + 1) + 2 * number) * (n_knots // 3)) + k % n_knots
-        if amplitude[knot, echo] > np.float32(0.0):
-            lit[thread % ECHOES] = 1
+        group = first_group + k // n_nodes
+        node = ((group * (2 * n_segments + 1) + 2 * number) * (n_nodes // 3)) + k % n_nodes
+        if amplitude[node, echo] > np.float32(0.0):
+            illuminated[thread % ECHOES] = 1
     cuda.syncthreads()
-    n_lit = 0
+    n_illuminated = 0
     for k in range(stop - start):
-        if lit[k]:
+        if illuminated[k]:
             if thread == 0:
-                chosen[n_lit] = start + k
-            n_lit += 1
+                chosen[n_illuminated] = start + k
+            n_illuminated += 1
     cuda.syncthreads()
-    return n_lit
+    return n_illuminated
 
 
 @function
-def _amplitude_at(amplitude, place, between, knot, echo):
-    """Amplitude of an echo on a line between two knots, at a place of a segment."""
-    low, high = amplitude[knot + place, echo], amplitude[knot + place + 1, echo]
+def _amplitude_at(amplitude, place, between, node, echo):
+    """Amplitude of an echo on a line between two nodes, at a place of a segment."""
+    low, high = amplitude[node + place, echo], amplitude[node + place + 1, echo]
     return low + between * (high - low)
 
 
 @function
-def _add(planes, profile, segment, centres, lines, ramp, image, layout, light):
-    """What both kernels do; `light` is None where echoes light all pixels alike."""
+def _add(planes, profile, segment, centres, lines, ramp, image, layout, illumination):
+    """What both kernels do; `illumination` is None where echoes illuminate all pixels alike."""
     n_phases, n_cells, range_zero, step, cycles_per_step, cycles_zero = profile
     place = cuda.shared.array((_PLACE, _ITEMS), np.float32)
-    turn = cuda.shared.array((_PHASOR, _ITEMS), np.float32)
+    phasors = cuda.shared.array((_PHASOR, _ITEMS), np.float32)
     base = cuda.shared.array(_ITEMS, np.int32)
     shared_drift = cuda.shared.array((_DRIFT, _ITEMS), np.float32)
     real = cuda.local.array(_SUMS, np.float32)
@@ -223,8 +224,8 @@ def _add(planes, profile, segment, centres, lines, ramp, image, layout, light):
     top = cuda.blockIdx.y * n_together
     n_lines, n_all, half = layout[0], centres.shape[0], segment // 2
     n_some = min(n_lines - top, n_together)
-    inverse_step, turns = 1.0 / step, np.float32(cycles_per_step)
-    radians, short_half = _TURN * turns, np.float32(half)
+    inverse_step, short_cycles = 1.0 / step, np.float32(cycles_per_step)
+    radians, short_half = _TWO_PI * short_cycles, np.float32(half)
     shared_cycles = (segment_number * segment + half) * float(n_phases)
     most = max(_ITEMS // n_together, 1)
     n_needed = -(-n_some // LINES) * LINES  # the last thread's lines may end beyond the image
@@ -233,10 +234,10 @@ def _add(planes, profile, segment, centres, lines, ramp, image, layout, light):
     for start in range(0, n_all, ECHOES):
         stop = min(start + ECHOES, n_all)
         begin, end = start, stop
-        if light is not None:
+        if illumination is not None:
             chosen = cuda.shared.array(ECHOES, np.int32)
-            amplitude, between, apart, offset = light
-            begin, end = 0, _choose_lit(
+            amplitude, between, apart, offset = illumination
+            begin, end = 0, _choose_illuminated(
                 amplitude, apart, segment_number, lines.shape[0], top + offset,
                 top + offset + n_some - 1, start, stop, chosen)
             if end == 0:
@@ -257,7 +258,7 @@ def _add(planes, profile, segment, centres, lines, ramp, image, layout, light):
             cuda.syncthreads()
             for item in range(thread, n_echoes * n_together, THREADS):
                 echo, j = first + item // n_together, item % n_together
-                if light is not None:
+                if illumination is not None:
                     echo = chosen[echo]
                 if j < n_needed:
                     line = min(top + j, n_lines - 1)
@@ -272,21 +273,21 @@ def _add(planes, profile, segment, centres, lines, ramp, image, layout, light):
                     place[0, item], place[1, item], place[2, item] = t, k1, k2
                     cycles = np.float32(fraction(cycles_per_step * (n - shared_cycles)
                                                  + cycles_zero))
-                    expand_phasor(cycles + turns * t, radians * (k1 - shared_drift[0, j]),
+                    expand_phasor(cycles + short_cycles * t, radians * (k1 - shared_drift[0, j]),
                                   radians * (k2 - shared_drift[1, j]),
-                                  radians * (k3 - shared_drift[2, j]), short_half, turn, item)
+                                  radians * (k3 - shared_drift[2, j]), short_half, phasors, item)
                     # a segment outside the profile reads padding only
                     cell = min(max(cell, -1.0 * half), n_cells - 2.0 * segment + half)
                     base[item] = np.int32((echo * n_phases + phase) * n_cells + cell + half)
-                    if light is not None:
-                        n_knots, at = LIT_LINES // apart + 1, line + offset
-                        knot = ((at // LIT_LINES * (2 * lines.shape[0] + 1) + 2 * segment_number)
-                                * n_knots + at % LIT_LINES // apart)
+                    if illumination is not None:
+                        n_nodes, at = NODE_LINES // apart + 1, line + offset
+                        node = ((at // NODE_LINES * (2 * lines.shape[0] + 1) + 2 * segment_number)
+                                * n_nodes + at % NODE_LINES // apart)
                         low, middle, high = (
-                            _amplitude_at(amplitude, 0, between[line], knot, echo),
-                            _amplitude_at(amplitude, n_knots, between[line], knot, echo),
-                            _amplitude_at(amplitude, 2 * n_knots, between[line], knot, echo))
-                        weigh_phasor(turn, item, short_half, low, middle, high)
+                            _amplitude_at(amplitude, 0, between[line], node, echo),
+                            _amplitude_at(amplitude, n_nodes, between[line], node, echo),
+                            _amplitude_at(amplitude, 2 * n_nodes, between[line], node, echo))
+                        weigh_phasor(phasors, item, short_half, low, middle, high)
                         if low + middle + high == np.float32(0.0):
                             base[item] = _DARK
             cuda.syncthreads()
@@ -294,7 +295,7 @@ def _add(planes, profile, segment, centres, lines, ramp, image, layout, light):
                 loaded, at = _DARK, np.uint64(echo * n_together + group * LINES)
                 for j in range(LINES):
                     item = at + np.uint64(j)
-                    if light is not None:
+                    if illumination is not None:
                         if base[item] == _DARK:
                             continue
                     if base[item] != loaded:
@@ -310,10 +311,10 @@ def _add(planes, profile, segment, centres, lines, ramp, image, layout, light):
                     for p in range(PIXELS):
                         f = np.float32(lane + p * lanes - half)
                         t = place[0, item] + f * (place[1, item] + f * place[2, item])
-                        cosine = turn[0, item] + f * (turn[2, item] + f * (
-                            turn[4, item] + f * turn[6, item]))
-                        sine = turn[1, item] + f * (turn[3, item] + f * (
-                            turn[5, item] + f * turn[7, item]))
+                        cosine = phasors[0, item] + f * (phasors[2, item] + f * (
+                            phasors[4, item] + f * phasors[6, item]))
+                        sine = phasors[1, item] + f * (phasors[3, item] + f * (
+                            phasors[5, item] + f * phasors[7, item]))
                         re, im = cell_re[5 * p + 4], cell_im[5 * p + 4]
                         for q in range(3, -1, -1):
                             re = cell_re[5 * p + q] + t * re
@@ -329,7 +330,7 @@ def _add(planes, profile, segment, centres, lines, ramp, image, layout, light):
                 i = segment_number * segment + lane + p * lanes
                 if line < n_some and i < ramp.size:
                     f = np.float32(lane + p * lanes - half)
-                    cosine, sine = phasor(short_fraction(turns * (f * (
+                    cosine, sine = phasor(short_fraction(short_cycles * (f * (
                         shared_drift[0, line] + f * (shared_drift[1, line]
                                                      + f * shared_drift[2, line])))))
                     re, im = real[PIXELS * j + p], imag[PIXELS * j + p]
@@ -356,22 +357,22 @@ class Lines:
         Number of pixels of a line.
     ramp : (n_pixels,) complex64
         Factor of each pixel of a line: the carrier phase that all lines share.
-    lit : LitLines, optional
-        Knots of the echoes' amplitudes.
+    nodes : LitLines, optional
+        Nodes of the echoes' amplitudes.
     rows : slice, optional
         Which lines they are, of so many as `locate` knows, if not all; and these.
     n_lines : int
     """
 
     def __init__(self, profiles: Profiles, layers, n_pixels: int, ramp: np.ndarray,
-                 lit: LitLines | None = None, rows: slice | None = None, n_lines: int = 0):
+                 nodes: LitLines | None = None, rows: slice | None = None, n_lines: int = 0):
         self.profiles, segment = profiles, profiles.lattice.segment
         self._n_lines, self._ramp = int(layers[0][1][0]), xp.asarray(ramp)
         rows, n_lines = rows or slice(0, self._n_lines), n_lines or self._n_lines
         self._layers = [(xp.asarray(segment_middles(locate, rows, n_pixels, segment)),
                          xp.asarray(np.asarray(layout, np.int64))) for locate, layout in layers]
-        self._knots = [None if lit is None else _Knots(locate, rows, n_lines, n_pixels, segment,
-                                                      lit.apart) for locate, _ in layers]
+        self._nodes = [None if nodes is None else _Nodes(locate, rows, n_lines, n_pixels, segment,
+                                                      nodes.apart) for locate, _ in layers]
 
     def add(self, samples, tx_m, rx_m, image, illumination: Illumination | None = None) -> None:
         """Add echoes to an image.
@@ -385,29 +386,29 @@ class Lines:
         image : (K,) float32 array of the device
             Real and imaginary parts of the image to add to.
         illumination : Illumination, optional
-            Illumination of the echoes, where lines are lit.
+            Illumination of the echoes, where lines are illuminated.
         """
         profiles, lattice = self.profiles, self.profiles.lattice
         segment = lattice.segment
         blocks = -(-len(self._ramp) // segment), -(-self._n_lines // block_lines(segment))
         centres = xp.asarray(np.concatenate([tx_m, rx_m], axis=1))
         antennas = illumination and Antennas(illumination)
-        n_bytes = max(0 if knots is None else knots.echo_bytes for knots in self._knots)
+        n_bytes = max(0 if nodes is None else nodes.echo_bytes for nodes in self._nodes)
         for echoes, some in in_pieces(samples, profiles.chunks(len(samples), ECHOES, n_bytes)):
             planes = profiles.planes(some)
-            for (lines, layout), knots in zip(self._layers, self._knots, strict=True):
+            for (lines, layout), nodes in zip(self._layers, self._nodes, strict=True):
                 profile = (lattice.n_phases, profiles.n_cells, profiles.range_at(segment),
                            lattice.step_m, profiles.cycles_per_step, profiles.cycles_at(segment))
                 given = (pairs(planes), profile, segment, centres[echoes], lines, self._ramp,
                          image, layout)
-                if knots is None:
+                if nodes is None:
                     launch(add_lines, blocks, THREADS, *given)
                 else:
-                    launch(add_lit_lines, blocks, THREADS, *given,
-                           antennas.at_knots(knots.positions, echoes), *knots.places)
+                    launch(add_weighted_lines, blocks, THREADS, *given,
+                           antennas.at_nodes(nodes.positions, echoes), *nodes.places)
 
 
-class _Knots:
+class _Nodes:
     """Where amplitudes of echoes are found over some lines of a layer.
 
     Arguments are as of `Lines` and `knot_positions`.
@@ -417,7 +418,7 @@ class _Knots:
     positions : (3, K) float64 array of the device
         Metres.
     places : tuple
-        The last arguments of `add_lit_lines`.
+        The last arguments of `add_weighted_lines`.
     echo_bytes : int
         Memory that the amplitudes of an echo take.
     """
@@ -425,11 +426,11 @@ class _Knots:
     def __init__(self, locate: Callable, rows: slice, n_lines: int, n_pixels: int, segment: int,
                  apart: int):
         positions, _, between = knot_positions(locate, n_lines, n_pixels, segment, apart)
-        group = rows.start // LIT_LINES
+        group = rows.start // NODE_LINES
         self.positions = xp.asarray(np.ascontiguousarray(
-            positions[:, group:-(-rows.stop // LIT_LINES)]).reshape(3, -1))
+            positions[:, group:-(-rows.stop // NODE_LINES)]).reshape(3, -1))
         self.places = (xp.asarray(between.reshape(-1)[rows].copy()), apart,
-                       rows.start - group * LIT_LINES)
+                       rows.start - group * NODE_LINES)
         self.echo_bytes = 4 * self.positions.shape[1]
 
 
@@ -450,7 +451,7 @@ def line_profiles(source: RangeGate | PhaseHistory, lattice: RangeResampling,
 
 
 def polar_lines(polar: PolarGrid, profiles: Profiles, rows: slice | None = None,
-                lit: LitLines | None = None) -> Lines:
+                nodes: LitLines | None = None) -> Lines:
     """Lines of a polar image at range baseband, (2, n, n_range) float32, or n `rows` of them.
 
     Their sum is that of `backends.reference.project_lines`.
@@ -459,7 +460,7 @@ def polar_lines(polar: PolarGrid, profiles: Profiles, rows: slice | None = None,
     n_lines, width = rows.stop - rows.start, polar.n_range
     cycles = 2 * (profiles.lattice.cell_m - polar.range_spacing_m) / profiles.wavelength_m
     layout = n_lines, 0, width, 1, n_lines * width
-    return Lines(profiles, [(polar.locate, layout)], width, ramp(cycles, width), lit, rows,
+    return Lines(profiles, [(polar.locate, layout)], width, ramp(cycles, width), nodes, rows,
                  polar.n_alpha)
 
 

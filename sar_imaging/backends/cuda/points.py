@@ -11,9 +11,9 @@ Tiles too large for that, and echoes whose phase centre is too near to a tile, a
 float64 point by point, in a loop of their own. A thread has `POINTS` points of a tile, for which
 it loads what they share once; neighbours read neighbouring cells of a profile.
 
-How an echo lights a tile is `light`, the last arguments of `add_lit_points`; numbers of an item,
-which is an echo and a tile, lie in `weights`, (WEIGHTS, items) float32 shared by the threads of
-a block.
+How an echo illuminates a tile is `illumination`, the last arguments of `add_weighted_points`;
+numbers of an item, which is an echo and a tile, lie in `weights`, (WEIGHTS, items) float32 shared
+by the threads of a block.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ from .tiles import rows_of_points
 from .transfers import in_pieces, to_host
 
 WEIGHTS, _AXES = 12, 9  # numbers of an item, and of the antenna's axes
-DARK, BETWEEN, ALONE = (np.int32(v) for v in (0, 1, 2))  # how an echo lights a tile
+DARK, BETWEEN, ALONE = (np.int32(v) for v in (0, 1, 2))  # how an echo illuminates a tile
 
 
 @function
 def _dark_sphere(axes, ends, echo, x, y, z, radius):
-    """Whether an echo lights nothing within a radius of a position, metres.
+    """Whether an echo illuminates nothing within a radius of a position, metres.
 
     How far a point lies beyond an end of the pattern, ``d a - sine |d|`` in azimuth, changes by at
     most ``1 + sine`` times the radius.
@@ -66,13 +66,13 @@ def _dark_sphere(axes, ends, echo, x, y, z, radius):
 
 @function
 def _bend(low, between, high, before, after):
-    """Second difference of three knots; `before` and `after` are 0 for two points or one."""
+    """Second difference of three nodes; `before` and `after` are 0 for two points or one."""
     return (high - between) * after - (between - low) * before
 
 
 @function
 def _steps(n):
-    """For knots n points apart: 1 / n, and those of `_bend`."""
+    """For nodes n points apart: 1 / n, and those of `_bend`."""
     whole = np.float32(1.0) / np.float32(max(n, 1))
     bent = n // 2
     if not bent:
@@ -81,10 +81,10 @@ def _steps(n):
 
 
 @function
-def _row_of_knots(knots, at, to_last, echo, n, line, item):
-    """Parabola along a row of knots of a tile: its coefficients go to the item's `line`."""
-    low, middle, high = (knots[at, echo], knots[at + to_last // 2, echo],
-                         knots[at + to_last, echo])
+def _row_of_nodes(nodes, at, to_last, echo, n, line, item):
+    """Parabola along a row of nodes of a tile: its coefficients go to the item's `line`."""
+    low, middle, high = (nodes[at, echo], nodes[at + to_last // 2, echo],
+                         nodes[at + to_last, echo])
     whole, before, after = _steps(n)
     bend = _bend(low, middle, high, before, after)
     line[0, item], line[1, item] = low, (high - low) * whole - bend * np.float32(n)
@@ -93,21 +93,21 @@ def _row_of_knots(knots, at, to_last, echo, n, line, item):
 
 
 @function
-def _set_weights(knots, how, number, across, tile, echo, weights, item):
-    """Amplitude over a tile as a polynomial of rows and columns; the sum of its knots.
+def _set_weights(nodes, how, number, across, tile, echo, weights, item):
+    """Amplitude over a tile as a polynomial of rows and columns; the sum of its nodes.
 
-    Parabolas along rows of knots have coefficients that are parabolas along columns.
+    Parabolas along rows of nodes have coefficients that are parabolas along columns.
     """
     down, beside = number // across, number % across
     rows = min(tile[0], how[2] - 1 - down * tile[0])
     columns = min(tile[1], how[3] - 1 - beside * tile[1])
-    # to the last knot of a tile; an axis of one point has one alone
+    # to the last node of a tile; an axis of one point has one alone
     to_below, to_right = 2 * min(tile[0] - 1, 1) * how[0], 2 * min(tile[1] - 1, 1)
     corner = down * to_below + beside * to_right
-    total = _row_of_knots(knots, corner, to_right, echo, columns, weights[:3], item)
-    total += _row_of_knots(knots, corner + to_below // 2, to_right, echo, columns,
+    total = _row_of_nodes(nodes, corner, to_right, echo, columns, weights[:3], item)
+    total += _row_of_nodes(nodes, corner + to_below // 2, to_right, echo, columns,
                            weights[3:6], item)
-    total += _row_of_knots(knots, corner + to_below, to_right, echo, columns, weights[6:9], item)
+    total += _row_of_nodes(nodes, corner + to_below, to_right, echo, columns, weights[6:9], item)
     whole, before, after = _steps(rows)
     for power in range(3):
         low, middle, high = (weights[power, item], weights[3 + power, item],
@@ -119,15 +119,15 @@ def _set_weights(knots, how, number, across, tile, echo, weights, item):
 
 
 @function
-def light_tile(light, number, across, tile, place, echo, weights, item):
-    """How an echo lights a tile, `DARK`, `BETWEEN` or `ALONE`, by what is left in `weights`.
+def illuminate_tile(illumination, number, across, tile, place, echo, weights, item):
+    """How an echo illuminates a tile, `DARK`, `BETWEEN` or `ALONE`, by what is left in `weights`.
 
     `place` is the middle of the tile and its radius, metres. In `weights` are the polynomial
-    between knots, or the antenna's right, boresight and up for points of their own.
+    between nodes, or the antenna's right, boresight and up for points of their own.
     """
-    knots, how, axes, _, _, ends = light
+    nodes, how, axes, _, _, ends = illumination
     if not how[1]:
-        total = _set_weights(knots, how, number, across, tile, echo, weights, item)
+        total = _set_weights(nodes, how, number, across, tile, echo, weights, item)
         if not math.isnan(total):
             return BETWEEN if total > np.float32(0.0) else DARK
     x, y, z, radius = place
@@ -142,10 +142,10 @@ def light_tile(light, number, across, tile, place, echo, weights, item):
 
 
 @function
-def amplitude_alone(light, x, y, z, weights, item):
+def amplitude_alone(illumination, x, y, z, weights, item):
     """Two-way amplitude towards a point, metres from its tile's middle, by what `weights` hold."""
     return amplitude(
-        light[3], light[4],
+        illumination[3], illumination[4],
         weights[9, item] + x * weights[0, item] + y * weights[1, item] + z * weights[2, item],
         weights[10, item] + x * weights[3, item] + y * weights[4, item] + z * weights[5, item],
         weights[11, item] + x * weights[6, item] + y * weights[7, item] + z * weights[8, item])
@@ -267,19 +267,19 @@ def add_points(planes, profile, centres, xs, ys, zs, strides, layout, tiles, ima
 
 
 @kernel()
-def add_lit_points(planes, profile, centres, xs, ys, zs, strides, layout, tiles, image, knots, how,
-                   axes, table, scale, ends):
-    """As `add_points`, of echoes that light points by an amplitude; what is dark is left out.
+def add_weighted_points(planes, profile, centres, xs, ys, zs, strides, layout, tiles, image,
+                        nodes, how, axes, table, scale, ends):
+    """As `add_points`, of echoes that illuminate points by an amplitude; what is dark is left out.
 
     Parameters
     ----------
     planes, profile, centres, xs, ys, zs, strides, layout, tiles, image :
         As of `add_points`.
-    knots : (K, R) float32
-        Amplitudes at the knots of all tiles, NaN where one has no position: amplitudes are then
+    nodes : (K, R) float32
+        Amplitudes at the nodes of all tiles, NaN where one has no position: amplitudes are then
         found at each point.
     how : (4,) int64
-        Knots of a row; 1 where amplitudes are found at each point of all tiles; rows and columns
+        Nodes of a row; 1 where amplitudes are found at each point of all tiles; rows and columns
         to the last point of the image.
     axes, ends : (R, 12), (6,) float64
         As of `illumination.Antennas`.
@@ -287,20 +287,20 @@ def add_lit_points(planes, profile, centres, xs, ys, zs, strides, layout, tiles,
         Its `table` and `place`.
     """
     _add(planes, profile, centres, xs, ys, zs, strides, layout, tiles, image,
-         (knots, how, axes, table, scale, ends))
+         (nodes, how, axes, table, scale, ends))
 
 
 @function
-def _add(planes, profile, centres, xs, ys, zs, strides, layout, tiles, image, light):
-    """What both kernels do; `light` is None where echoes light all points alike."""
+def _add(planes, profile, centres, xs, ys, zs, strides, layout, tiles, image, illumination):
+    """What both kernels do; `illumination` is None where echoes illuminate all points alike."""
     n_cells, range_zero, step, cycles_per_step, cycles_zero = profile
     size, tile, reach = layout[:2], layout[2:4], layout[4]
     legs = cuda.shared.array((_LEGS, _ITEMS), np.float32)
     place = cuda.shared.array((_PLACE, _ITEMS), np.float32)
     kind = cuda.shared.array(_ITEMS, np.int32)
     any_exact = cuda.shared.array(1, np.int32)
-    if light is not None:
-        lit = cuda.shared.array(_ITEMS, np.int32)
+    if illumination is not None:
+        mode = cuda.shared.array(_ITEMS, np.int32)
         weights = cuda.shared.array((_WEIGHTS, _ITEMS), np.float32)
     ox = cuda.local.array(POINTS, np.float32)
     oy = cuda.local.array(POINTS, np.float32)
@@ -310,9 +310,9 @@ def _add(planes, profile, centres, xs, ys, zs, strides, layout, tiles, image, li
     imag = cuda.local.array(POINTS, np.float32)
     thread, n_all = cuda.threadIdx.x, centres.shape[0]
     apart = tile[0] * tile[1] // POINTS  # points of a thread, in the tile's order
-    n_own = THREADS // apart  # tiles of the block
+    n_tiles = THREADS // apart  # tiles of the block
     mine, k = thread // apart, thread % apart
-    number, across = cuda.blockIdx.x * n_own + mine, (size[1] + tile[1] - 1) // tile[1]
+    number, across = cuda.blockIdx.x * n_tiles + mine, (size[1] + tile[1] - 1) // tile[1]
     top, left = number // across * tile[0], number % across * tile[1]
     for p in range(POINTS):
         i, j = top + (k + p * apart) // tile[1], left + (k + p * apart) % tile[1]
@@ -324,23 +324,24 @@ def _add(planes, profile, centres, xs, ys, zs, strides, layout, tiles, image, li
         ox[p], oy[p], oz[p] = np.float32(x), np.float32(y), np.float32(z)
         oo[p] = np.float32(x * x + y * y + z * z)
         real[p], imag[p] = 0.0, 0.0
-    inverse_step, turns = 1.0 / step, np.float32(cycles_per_step)
-    last, most = np.int32(n_cells - 1), _ITEMS // n_own
+    inverse_step, short_cycles = 1.0 / step, np.float32(cycles_per_step)
+    last, most = np.int32(n_cells - 1), _ITEMS // n_tiles
     for start in range(0, n_all, most):
         n_echoes = min(most, n_all - start)
         cuda.syncthreads()
         if thread == 0:
             any_exact[0] = 0
         cuda.syncthreads()
-        for item in range(thread, n_echoes * n_own, THREADS):
-            echo, own = start + item // n_own, cuda.blockIdx.x * n_own + item % n_own
+        for item in range(thread, n_echoes * n_tiles, THREADS):
+            echo, there = start + item // n_tiles, cuda.blockIdx.x * n_tiles + item % n_tiles
             kind[item] = _EXACT  # and without any point, where a tile has none
-            if own < tiles.shape[0] and not math.isnan(tiles[own, 3]):
-                cx, cy, cz, radius = tiles[own, 0], tiles[own, 1], tiles[own, 2], tiles[own, 3]
-                if light is not None:
-                    lit[item] = light_tile(light, own, across, tile, (cx, cy, cz, radius), echo,
-                                            weights, item)
-                    if lit[item] == DARK:
+            if there < tiles.shape[0] and not math.isnan(tiles[there, 3]):
+                cx, cy, cz = tiles[there, 0], tiles[there, 1], tiles[there, 2]
+                radius = tiles[there, 3]
+                if illumination is not None:
+                    mode[item] = illuminate_tile(illumination, there, across, tile,
+                                                 (cx, cy, cz, radius), echo, weights, item)
+                    if mode[item] == DARK:
                         continue
                 da = set_leg(centres, echo, 0, cx, cy, cz, inverse_step, step, legs, 0, item)
                 db, kind[item] = da, _ONE_LEG
@@ -360,9 +361,9 @@ def _add(planes, profile, centres, xs, ys, zs, strides, layout, tiles, image, li
         if number >= tiles.shape[0]:
             n_echoes = 0
         for nth in range(n_echoes):
-            item, row = nth * n_own + mine, np.uint64((start + nth) * n_cells * 4)
-            if light is not None:
-                if lit[item] == DARK:
+            item, row = nth * n_tiles + mine, np.uint64((start + nth) * n_cells * 4)
+            if illumination is not None:
+                if mode[item] == DARK:
                     continue
             if kind[item] == _EXACT:
                 continue
@@ -381,23 +382,23 @@ def _add(planes, profile, centres, xs, ys, zs, strides, layout, tiles, image, li
                 n = np.float32(math.floor(t))
                 at = min(max(np.int32(n + place[2, item]), np.int32(0)), last)
                 re, im = _read(planes, row, at, t - n)
-                if light is not None:
-                    if lit[item] == BETWEEN:
+                if illumination is not None:
+                    if mode[item] == BETWEEN:
                         weight = amplitude_between(np.float32((k + p * apart) // tile[1]),
                                                     np.float32((k + p * apart) % tile[1]),
                                                     weights, item)
                     else:
-                        weight = amplitude_alone(light, ox[p], oy[p], oz[p], weights, item)
+                        weight = amplitude_alone(illumination, ox[p], oy[p], oz[p], weights, item)
                     re, im = weight * re, weight * im
-                cosine, sine = phasor(short_fraction(place[1, item] + turns * shift))
+                cosine, sine = phasor(short_fraction(place[1, item] + short_cycles * shift))
                 real[p] += re * cosine
                 real[p] -= im * sine
                 imag[p] += re * sine
                 imag[p] += im * cosine
         for nth in range(n_echoes if any_exact[0] else 0):
-            item, echo = nth * n_own + mine, start + nth
-            if light is not None:
-                if lit[item] == DARK:
+            item, echo = nth * n_tiles + mine, start + nth
+            if illumination is not None:
+                if mode[item] == DARK:
                     continue
             if kind[item] != _EXACT:
                 continue
@@ -411,12 +412,12 @@ def _add(planes, profile, centres, xs, ys, zs, strides, layout, tiles, image, li
                 n = math.floor(v)
                 re, im = _read(planes, np.uint64(echo * n_cells * 4),
                                np.int32(min(max(n, 0.0), float(last))), np.float32(v - n))
-                if light is not None:
-                    if lit[item] == BETWEEN:
+                if illumination is not None:
+                    if mode[item] == BETWEEN:
                         weight = amplitude_between(np.float32(i - top), np.float32(j - left),
                                                     weights, item)
                     else:
-                        weight = amplitude_alone(light, ox[p], oy[p], oz[p], weights, item)
+                        weight = amplitude_alone(illumination, ox[p], oy[p], oz[p], weights, item)
                     re, im = weight * re, weight * im
                 cosine, sine = phasor(np.float32(fraction(cycles_per_step * v + cycles_zero)))
                 real[p] += re * cosine - im * sine
@@ -459,7 +460,7 @@ class Points:
     def __init__(self, plan: PointPlan, layers: Sequence[ImagePoints], rows: slice | None = None):
         self._plan, self._profiles = plan, Profiles(plan.window, plan.lattice, plan.range_m)
         rows = rows or slice(0, layers[0].size[0])
-        self._knots = [plan.lit and _Knots(points, rows, plan) for points in layers]
+        self._nodes = [plan.lit and _Nodes(points, rows, plan) for points in layers]
         self._layers = [self._prepared(rows_of_points(points, rows)) for points in layers]
 
     def _prepared(self, points: ImagePoints) -> tuple:
@@ -477,24 +478,24 @@ class Points:
         profiles, plan = self._profiles, self._plan
         centres = xp.asarray(np.concatenate([tx_m, rx_m], axis=1))
         parts = image.reshape(len(self._layers), -1)
-        own = BLOCK // (plan.tile[0] * plan.tile[1])
+        together = BLOCK // (plan.tile[0] * plan.tile[1])
         antennas = illumination and Antennas(illumination)
-        n_bytes = max(0 if knots is None else knots.echo_bytes for knots in self._knots)
+        n_bytes = max(0 if nodes is None else nodes.echo_bytes for nodes in self._nodes)
         for echoes, some in in_pieces(samples, profiles.chunks(len(samples), _TOGETHER, n_bytes)):
             planes = pairs(profiles.planes(some))
-            for made, part, knots in zip(self._layers, parts, self._knots, strict=True):
-                blocks = -(-len(made[-1]) // own)
+            for made, part, nodes in zip(self._layers, parts, self._nodes, strict=True):
+                blocks = -(-len(made[-1]) // together)
                 profile = (profiles.n_cells, profiles.range_at(0), plan.lattice.step_m,
                            profiles.cycles_per_step, profiles.cycles_at(0))
                 given = planes, profile, centres[echoes], *made, part
-                if knots is None:
+                if nodes is None:
                     launch(add_points, blocks, THREADS, *given)
                 else:
-                    launch(add_lit_points, blocks, THREADS, *given,
-                           *knots.lit_by(antennas, echoes))
+                    launch(add_weighted_points, blocks, THREADS, *given,
+                           *nodes.amplitude_arguments(antennas, echoes))
 
 
-class _Knots:
+class _Nodes:
     """Where amplitudes of echoes are found over some rows of a layer of points.
 
     Attributes
@@ -516,9 +517,9 @@ class _Knots:
                                         np.int64))
         self.echo_bytes = 4 * len(positions)
 
-    def lit_by(self, antennas: Antennas, echoes: slice) -> tuple:
-        """The last arguments of `add_lit_points`."""
-        return (antennas.at_knots(self._positions, echoes), self._how, antennas.axes[echoes],
+    def amplitude_arguments(self, antennas: Antennas, echoes: slice) -> tuple:
+        """The last arguments of `add_weighted_points`."""
+        return (antennas.at_nodes(self._positions, echoes), self._how, antennas.axes[echoes],
                 antennas.table.astype(np.float32), antennas.place.astype(np.float32),
                 antennas.ends)
 

@@ -134,11 +134,11 @@ def _to_ranges(image, n_lines, n_range, beside, geometry, weights, first, rows, 
     real, imag = np.float32(0.0), np.float32(0.0)
     for k in range(n_taps):
         reading[k] = _weight(shared, n_taps, k, t)
-    begins, turned = np.uint64(at), np.uint64(at + imaginary)
+    begins, imag_begins = np.uint64(at), np.uint64(at + imaginary)
     for k in range(n_taps):
         real += reading[k] * image[begins]
-        imag += reading[k] * image[turned]
-        begins, turned = begins + np.uint64(n_range), turned + np.uint64(n_range)
+        imag += reading[k] * image[imag_begins]
+        begins, imag_begins = begins + np.uint64(n_range), imag_begins + np.uint64(n_range)
     rows[np.uint64(out)] = real
     rows[np.uint64(out + beside.size * n_range)] = imag
 
@@ -175,10 +175,10 @@ def to_pixels(rows, n_range, beside, ahead, geometry, weights, first, image):
     imaginary, real, imag = beside.size * n_range, np.float32(0.0), np.float32(0.0)
     for k in range(_TAPS):
         reading[k] = _weight(shared, _TAPS, k, t)
-    begins, turned = np.uint64(at), np.uint64(at + imaginary)
+    begins, imag_begins = np.uint64(at), np.uint64(at + imaginary)
     for k in range(_TAPS):  # steps are constants of the instructions
         real += reading[k] * rows[begins + np.uint64(k)]
-        imag += reading[k] * rows[turned + np.uint64(k)]
+        imag += reading[k] * rows[imag_begins + np.uint64(k)]
     alpha = (p * geometry[9] + q * geometry[4]) / distance
     cosine, sine = phasor(np.float32(fraction(
         geometry[7] * beyond + geometry[8] * (alpha - geometry[5]))))

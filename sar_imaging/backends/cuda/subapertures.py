@@ -53,7 +53,7 @@ class SubapertureImager:
         self._beams = plan.beams and Beams(plan)
         self._lines = None if plan.beams else polar_lines(
             plan.coarse, line_profiles(plan.source, plan.lattice, plan.range_m),
-            lit=plan.lit and plan.lit.lines)
+            nodes=plan.lit and plan.lit.lines)
 
     @property
     def image_bytes(self) -> int:
@@ -77,14 +77,15 @@ class SubapertureImager:
 
     @reports_failures
     def project(self, samples, tx_m, rx_m, weights=None,
-                light: Illumination | tuple[AmplitudeNodes, ...] | None = None):
+                illumination: Illumination | tuple[AmplitudeNodes, ...] | None = None):
         """The same of samples that may lie on the device, unchecked; see `project_all`."""
         return self.project_all(samples, tx_m, rx_m, [slice(0, len(samples))], weights,
-                                [light])[0]
+                                [illumination])[0]
 
     @reports_failures
     def project_all(self, samples, tx_m, rx_m, pulses: Sequence[slice], weights=None,
-                    lights: Sequence[Illumination | tuple[AmplitudeNodes, ...]] | None = None):
+                    illuminations: Sequence[Illumination | tuple[AmplitudeNodes, ...] | None] = ()
+                    ):
         """Images of some sub-apertures, in few launches where they come from beams.
 
         Parameters
@@ -97,7 +98,7 @@ class SubapertureImager:
             Those of each sub-aperture.
         weights : (P,) float32, optional
             Window over the pulses.
-        lights : sequence, optional
+        illuminations : sequence, optional
             `SubaperturePlan.weighed_by` of each sub-aperture.
 
         Returns
@@ -107,23 +108,24 @@ class SubapertureImager:
         plan, n = self.plan, self.plan.n_channels
         echoes = complex_samples(samples).reshape(-1, plan.n_samples)
         tx_m, rx_m = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
-        lights = lights or [None] * len(pulses)
+        illuminations = illuminations or [None] * len(pulses)
         pieces = [slice(some.start * n, some.stop * n) for some in pulses]
         if self._beams:
             window = (xp.ones(len(echoes), np.float32) if weights is None else
                       xp.asarray(np.repeat(weights, n).astype(np.float32)))
             if not plan.beams.n_weighed:
-                return self._beams.images(echoes, window, pieces, tx_m, rx_m, lights)
-            return self._weighed(echoes, window, pieces, tx_m, rx_m, lights)
+                return self._beams.images(echoes, window, pieces, tx_m, rx_m, illuminations)
+            return self._weighed(echoes, window, pieces, tx_m, rx_m, illuminations)
         if weights is not None:
             echoes = echoes * xp.asarray(np.repeat(weights, n))[:, None]
         images = xp.zeros((len(pieces), 2, *plan.coarse.shape), np.float32)
-        for image, piece, light in zip(images, pieces, lights, strict=True):
-            self._lines.add(echoes[piece], tx_m[piece], rx_m[piece], image.reshape(-1), light)
+        for image, piece, illumination in zip(images, pieces, illuminations, strict=True):
+            self._lines.add(echoes[piece], tx_m[piece], rx_m[piece], image.reshape(-1),
+                            illumination)
         return images
 
     def _weighed(self, echoes, window, pieces: Sequence[slice], tx_m, rx_m,
-                 lights: Sequence[tuple[AmplitudeNodes, ...]]):
+                 illuminations: Sequence[tuple[AmplitudeNodes, ...]]):
         """Images from beams as sums of those that are weighed alike, such as each channel's."""
         n = self.plan.beams.n_weighed
         if n > 1:
@@ -135,7 +137,7 @@ class SubapertureImager:
             there = xp.asarray(order)
             echoes, window, tx_m, rx_m = echoes[there], window[there], tx_m[order], rx_m[order]
         images = self._beams.images(echoes, window, pieces, tx_m, rx_m,
-                                    [nodes for light in lights for nodes in light])
+                                    list(itertools.chain.from_iterable(illuminations)))
         return images if n == 1 else images.reshape(-1, n, *images.shape[1:]).sum(axis=1)
 
 
@@ -187,12 +189,12 @@ class ApertureFusion:
         shown = tqdm(groups, desc='sub-apertures', unit='group', disable=not progress)
         for numbers, (span, samples) in zip(shown, pieces, strict=True):
             some = block.select(span) if plan.lit is not None else None
-            own = [slice(pulses[k].start - span.start, pulses[k].stop - span.start)
+            relative = [slice(pulses[k].start - span.start, pulses[k].stop - span.start)
                    for k in numbers]
             images = self._imager.project_all(
-                samples, block.tx_m[span], block.rx_m[span], own,
+                samples, block.tx_m[span], block.rx_m[span], relative,
                 None if weights is None else weights[span],
-                some and [plan.weighed_by(some.select(piece)) for piece in own])
+                some and [plan.weighed_by(some.select(piece)) for piece in relative])
             if factors:
                 launch(edge_powers, (images.shape[2], len(images)), _THREADS, images, *factors,
                        power)

@@ -120,13 +120,14 @@ def in_pieces(samples, pieces: Iterable[slice], copies: Copies | None = None
     copies = copies or Copies()
     kind = samples.dtype if samples.dtype.kind == 'i' else np.complex64
     most = max(len(range(*piece.indices(len(samples)))) for piece in pieces)
-    shape, turns = (most, *samples.shape[1:]), min(2, len(pieces))
-    here = [page_locked(shape, kind) for _ in range(turns)]
-    there = [xp.empty(shape, kind) for _ in range(turns)]
-    read, ends = [copies.mark()] * turns, [None] * turns  # of the device's and the host's buffers
+    shape, n_buffers = (most, *samples.shape[1:]), min(2, len(pieces))
+    here = [page_locked(shape, kind) for _ in range(n_buffers)]
+    there = [xp.empty(shape, kind) for _ in range(n_buffers)]
+    # of the device's and the host's buffers
+    read, ends = [copies.mark()] * n_buffers, [None] * n_buffers
 
     def begin(number: int) -> None:
-        k, some = number % turns, samples[pieces[number]]
+        k, some = number % n_buffers, samples[pieces[number]]
         copies.finish(ends[k])
         _by_threads(np.copyto, here[k][:len(some)], some)
         ends[k] = copies.send(there[k][:len(some)], here[k][:len(some)], read[k])
@@ -134,7 +135,7 @@ def in_pieces(samples, pieces: Iterable[slice], copies: Copies | None = None
     try:
         begin(0)
         for number, piece in enumerate(pieces):
-            k = number % turns
+            k = number % n_buffers
             copies.wait(ends[k])
             yield piece, there[k][:len(samples[piece])]
             read[k] = copies.mark()

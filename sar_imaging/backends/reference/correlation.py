@@ -87,7 +87,7 @@ def correlate_profiles(radar: RadarParameters, samples, tx_m, rx_m, points_m, ha
     image : (K,) complex128
         A place outside a profile adds nothing.
     covered : (K,) bool
-        Whether all lit places are h samples or more from the ends of the profiles.
+        Whether all illuminated places are h samples or more from the ends of the profiles.
 
     Examples
     --------

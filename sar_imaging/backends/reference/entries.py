@@ -66,11 +66,12 @@ class Backprojection:
                                 points_m, self.plan.illumination)
 
     def _polar_image(self, samples, tx_m, rx_m) -> np.ndarray:
-        route, lit = self.plan.route, self.plan.illumination
+        route, illumination = self.plan.route, self.plan.illumination
 
         def project(echoes, polar):
             return project_lines(route.window, samples[echoes], route.lattice.n_padded,
-                                 tx_m[echoes], rx_m[echoes], polar, lit and lit.select(echoes))
+                                 tx_m[echoes], rx_m[echoes], polar,
+                                 illumination and illumination.select(echoes))
 
         if route.parts is None:
             return project(slice(None), route.polar)

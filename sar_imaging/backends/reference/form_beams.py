@@ -65,7 +65,7 @@ def beam_profiles(beams, n_cells: int, first: int, gain) -> np.ndarray:
     """
     number = np.arange(beams.shape[1]) - beams.shape[1] // 2
     kept = (number >= -(n_cells // 2)) & (number < (n_cells + 1) // 2)
-    turn = np.exp(2j * np.pi * np.fmod(number[kept] * (first / n_cells), 1.0))
+    shift = np.exp(2j * np.pi * np.fmod(number[kept] * (first / n_cells), 1.0))
     bins = np.zeros((len(beams), n_cells), np.complex128)
-    bins[:, number[kept] % n_cells] = (beams * gain)[:, kept] * turn
+    bins[:, number[kept] % n_cells] = (beams * gain)[:, kept] * shift
     return n_cells * np.fft.ifft(bins)

@@ -38,7 +38,7 @@ class BeamImage(NamedTuple):
 
 
 def interpolate_beams(beams: BeamImage, points_m, wavelength_m: float, between: Interpolator,
-                      along: Interpolator, lit=None) -> np.ndarray:
+                      along: Interpolator, parabolas=None) -> np.ndarray:
     """Value of the sub-aperture's image at points, with the phase of the middle's path.
 
     At distance d and direction cosine s from the middle, ``f = exp(j k d) (b + j e b'')``: b is
@@ -61,7 +61,7 @@ def interpolate_beams(beams: BeamImage, points_m, wavelength_m: float, between: 
         At the carrier, metres.
     between, along : Interpolator
         Between beams and along range.
-    lit : (A, B, C), each (...) float64, optional
+    parabolas : (A, B, C), each (...) float64, optional
         Parabolas of the amplitude.
 
     Returns
@@ -78,14 +78,14 @@ def interpolate_beams(beams: BeamImage, points_m, wavelength_m: float, between: 
                                    beams.profiles.shape[1])
     read = beams.profiles[beam[..., :, None], cell[..., None, :]]
     wavenumber = 4 * np.pi / wavelength_m
-    turn = -(1 - direction ** 2) * (1 / distance - 1 / beams.range_m) / (
+    curvature = -(1 - direction ** 2) * (1 / distance - 1 / beams.range_m) / (
         2 * wavenumber * beams.direction[1] ** 2)
-    turned = weights + 1j * turn[..., None] * bend
-    if lit is not None:
-        a, b, c = (v[..., None] for v in lit)
+    taps = weights + 1j * curvature[..., None] * bend
+    if parabolas is not None:
+        a, b, c = (v[..., None] for v in parabolas)
         slope = first_derivatives(between, place - (beam[..., 0] - between.first))
-        turned = a * turned - 1j * b * slope - c * bend
-    value = np.einsum('...k,...l,...kl->...', turned, along_range, read)
+        taps = a * taps - 1j * b * slope - c * bend
+    value = np.einsum('...k,...l,...kl->...', taps, along_range, read)
     return value * np.exp(2j * np.pi * np.fmod(2 * distance / wavelength_m, 1.0))
 
 

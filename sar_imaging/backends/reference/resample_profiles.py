@@ -77,9 +77,9 @@ def resample_profiles(source: RangeGate | PhaseHistory, spectra, range_m) -> np.
     n = spectra.shape[-1]
     period_m = n * source.radar.sample_spacing_m
     place = (range_m - source.range_start_m) / period_m
-    turn = np.exp(2j * np.pi * place)
-    values = np.zeros(turn.shape, np.complex128)
+    phasor = np.exp(2j * np.pi * place)
+    values = np.zeros(phasor.shape, np.complex128)
     for coefficient in spectra.T[::-1]:  # Horner's rule
-        values = values * turn + coefficient.reshape(-1, *[1] * (values.ndim - 1))
+        values = values * phasor + coefficient.reshape(-1, *[1] * (values.ndim - 1))
     values = values * np.exp(-2j * np.pi * np.fmod(n // 2 * place, 1.0))
     return values if source.periodic else np.where((0 <= place) & (place <= 1), values, 0.0)

@@ -60,16 +60,16 @@ def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m,
                       (source.range_start_m + first * lattice.cell_m, lattice.cell_m),
                       geometry.range_m)
     points_m = polar.lines(polar.range_m, polar.alpha[:, None])[0]
-    lit = None if nodes is None else lit_parabolas(
+    parabolas = None if nodes is None else amplitude_parabolas(
         nodes, geometry, points_m, 2 * np.pi * spacing * 2 / source.radar.wavelength_m)
     value = interpolate_beams(image, points_m, source.radar.wavelength_m,
-                              sampling.between.interpolator, sampling.along, lit)
+                              sampling.between.interpolator, sampling.along, parabolas)
     cycles = 2 * (polar.range_m - polar.range_start_m
                   + source.phase_range_m) / source.radar.wavelength_m
     return value * np.exp(-2j * np.pi * np.fmod(cycles, 1.0))
 
 
-def lit_parabolas(nodes: AmplitudeNodes, geometry: BeamGeometry, points_m,
+def amplitude_parabolas(nodes: AmplitudeNodes, geometry: BeamGeometry, points_m,
                   phase_per_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, B and C of the amplitude ``A + B p + C p^2`` of echoes, towards each point.
 

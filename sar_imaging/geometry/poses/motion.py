@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 _LARGEST_ACCELERATION = 20.0  # m/s^2, of a platform that does not jump
-_LARGEST_TURN_CHANGE = 7.0  # rad/s, of its turning rate from pose to pose, or this rate itself
+_LARGEST_RATE_CHANGE = 7.0  # rad/s, of its turning rate from pose to pose, or this rate itself
 _UNUSUAL = 0.75  # of what acceleration explains; more makes a pose doubtful
 _HISTORY = 5  # poses that predict the next one
 _SCATTER_POSES = 15  # whose misses tell the scatter; it is unknown with fewer than three
@@ -28,7 +28,7 @@ class Pose(NamedTuple):
 
     stamp_ns: int
     position: list[float]
-    turn: list[float]
+    quaternion: list[float]
 
 
 class Miss(NamedTuple):
@@ -146,8 +146,8 @@ class Motion:
         latest, last = self._latest, after or self._latest[-1]
         dt = (pose.stamp_ns - last.stamp_ns) * 1e-9
         away_m, limit_m, explained_m = 0.0, math.inf, 0.0  # one pose tells no velocity
-        away_rad = _angle(last.turn, pose.turn)
-        limit_rad = self._jump_rad + (1 if len(latest) > 1 else 2) * _LARGEST_TURN_CHANGE * dt
+        away_rad = _angle(last.quaternion, pose.quaternion)
+        limit_rad = self._jump_rad + (1 if len(latest) > 1 else 2) * _LARGEST_RATE_CHANGE * dt
         if len(latest) > 1:
             baseline = (latest[-1].stamp_ns - latest[0].stamp_ns) * 1e-9
             ahead = dt / baseline
@@ -157,8 +157,8 @@ class Motion:
             explained_m = 0.5 * _LARGEST_ACCELERATION * dt * (baseline + dt)
             limit_m = self._jump_m + explained_m
             if away_rad > self._jump_rad:
-                away_rad = min(away_rad, _angle(_turned_on(latest[-2], latest[-1], last.turn, dt),
-                                                pose.turn))
+                expected = _extrapolated(latest[-2], latest[-1], last.quaternion, dt)
+                away_rad = min(away_rad, _angle(expected, pose.quaternion))
         usual_m = limit_m - _UNUSUAL * explained_m
         if after is not None or away_m > usual_m or away_rad > limit_rad:
             scatter_m = (self._scatter('away_m') if len(self._misses) > 2
@@ -175,16 +175,16 @@ class Motion:
         """
         first_s, both_s = (np.array([p.stamp_ns - before.stamp_ns for p in some]) * 1e-9
                            for some in (poses, [behind]))
-        start, place = Rotation.from_quat(before.turn), np.array(before.position)
-        turn = (start.inv() * Rotation.from_quat(behind.turn)).as_rotvec()
+        start, place = Rotation.from_quat(before.quaternion), np.array(before.position)
+        rotation = (start.inv() * Rotation.from_quat(behind.quaternion)).as_rotvec()
         share = (first_s / both_s)[:, None]
-        expected = start * Rotation.from_rotvec(share * turn)
-        off = expected.inv() * Rotation.from_quat([p.turn for p in poses])
+        expected = start * Rotation.from_rotvec(share * rotation)
+        off = expected.inv() * Rotation.from_quat([p.quaternion for p in poses])
         away = np.array([p.position for p in poses]) - place - share * (
             np.array(behind.position) - place)
         steps = first_s * (both_s - first_s)
         limit_m = (self._jump_m + 0.5 * _LARGEST_ACCELERATION * steps + self._scatter('away_m'))
-        limit_rad = (self._jump_rad + _LARGEST_TURN_CHANGE * steps / both_s
+        limit_rad = (self._jump_rad + _LARGEST_RATE_CHANGE * steps / both_s
                      + self._scatter('away_rad'))
         misses = [Miss(*numbers) for numbers in zip(
             np.linalg.norm(away, axis=1).tolist(), off.magnitude().tolist(), limit_m.tolist(),
@@ -200,15 +200,16 @@ def _angle(a: list[float], b: list[float]) -> float:
     return 2 * math.acos(min(1.0, abs(sum(x * y for x, y in zip(a, b, strict=True)))))
 
 
-def _turned_on(before: Pose, last: Pose, turn: list[float], dt: float) -> list[float]:
+def _extrapolated(before: Pose, last: Pose, quaternion: list[float], dt: float) -> list[float]:
     """Quaternion after `dt` seconds more of the turning from one pose to the next."""
-    x, y, z, w = _product([-v for v in before.turn[:3]] + before.turn[3:], last.turn)
+    *vector, scalar = before.quaternion
+    x, y, z, w = _product([*(-v for v in vector), scalar], last.quaternion)
     sine = math.hypot(x, y, z)
     if sine < 1e-12:
-        return turn
+        return quaternion
     half = math.atan2(sine, abs(w)) * dt * 1e9 / (last.stamp_ns - before.stamp_ns)
     scale = math.copysign(math.sin(half) / sine, w)
-    return _product(turn, [scale * x, scale * y, scale * z, math.cos(half)])
+    return _product(quaternion, [scale * x, scale * y, scale * z, math.cos(half)])
 
 
 def _product(a: list[float], b: list[float]) -> list[float]:

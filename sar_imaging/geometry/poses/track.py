@@ -16,7 +16,7 @@ from .motion import Departure, Miss, Motion, Pose
 
 REACH = 3  # poses on each side of a time that its interpolation looks at
 _STENCIL = 5  # poses that make the velocity at a pose
-_LARGEST_TURN_RAD = 2.5  # within a stencil; rotation vectors are unique below pi
+_LARGEST_ROTATION_RAD = 2.5  # within a stencil; rotation vectors are unique below pi
 
 
 def interpolate_poses(stamp_ns: np.ndarray, position_m: np.ndarray, quaternion: np.ndarray,
@@ -78,13 +78,13 @@ class _Window:
         self._stamp = stamp_ns[nodes]
         move = position_m[nodes] - position_m[base][:, None]
         inverse = Rotation.from_quat(np.repeat(quaternion[base], nodes.shape[1], axis=0)).inv()
-        turn = (inverse * Rotation.from_quat(quaternion[nodes.ravel()])).as_rotvec()
-        self._values = np.concatenate([move, turn.reshape(*nodes.shape, 3)], axis=-1)
+        rotation = (inverse * Rotation.from_quat(quaternion[nodes.ravel()])).as_rotvec()
+        self._values = np.concatenate([move, rotation.reshape(*nodes.shape, 3)], axis=-1)
         rows = np.arange(len(base))
         self.step = self._values[rows, base + 1 - self._start]
-        turned = np.linalg.norm(self._values[..., 3:], axis=-1).max(axis=1)
-        self._spins = turned > _LARGEST_TURN_RAD
-        self._mean_turn = self.step[:, 3:] * (
+        angle = np.linalg.norm(self._values[..., 3:], axis=-1).max(axis=1)
+        self._spins = angle > _LARGEST_ROTATION_RAD
+        self._mean_rotation = self.step[:, 3:] * (
             1e9 / (stamp_ns[base + 1] - stamp_ns[base]))[:, None]
 
     def _stencil_start(self, node) -> np.ndarray:
@@ -102,7 +102,7 @@ class _Window:
             time_s = (stamp - stamp[np.arange(some.size), at][:, None]) * 1e-9
             out[some] = np.einsum('um,umk->uk', _derivative_weights(time_s, at),
                                   self._values[some[:, None], stencil])
-        out[self._spins, 3:] = self._mean_turn[self._spins]
+        out[self._spins, 3:] = self._mean_rotation[self._spins]
         return out
 
 
@@ -275,12 +275,12 @@ class PoseTrack:
         PoseVerdict
             For `PoseVerdict.RESTART` the track stays as it is; `successor` continues.
         """
-        position, turn = [float(v) for v in position_m], [float(v) for v in quaternion]
-        norm = math.hypot(*turn)
-        if (len(position) != 3 or len(turn) != 4 or not all(map(math.isfinite, position))
+        position, rotation = [float(v) for v in position_m], [float(v) for v in quaternion]
+        norm = math.hypot(*rotation)
+        if (len(position) != 3 or len(rotation) != 4 or not all(map(math.isfinite, position))
                 or not abs(norm - 1) <= _NORM_TOLERANCE):
             return PoseVerdict.CORRUPT
-        pose = Pose(int(stamp_ns), position, [v / norm for v in turn])
+        pose = Pose(int(stamp_ns), position, [v / norm for v in rotation])
         if self._n and pose.stamp_ns <= self._newest_ns:
             return self._add_old(pose)
         self._behind.clear()
@@ -320,9 +320,9 @@ class PoseTrack:
         """
         first, last = np.searchsorted(self._stamp[:self._n], (first_ns, last_ns + 1))
         some = slice(first, max(first, last))
-        turns = self._quaternion[some].copy() if last > first else np.empty((0, 4))
+        attitudes = self._quaternion[some].copy() if last > first else np.empty((0, 4))
         return (self._stamp[some].copy(), self._position[some].copy(),
-                Rotation.from_quat(turns), self._segment[some].copy())
+                Rotation.from_quat(attitudes), self._segment[some].copy())
 
     def sample(self, stamp_ns: np.ndarray, *, final: bool = False) -> Poses:
         """Poses at given times.
@@ -490,7 +490,7 @@ class PoseTrack:
         n = self._n
         segment, frame = (int(self._segment[n - 1]), self.frame) if n else (0, self._first_frame)
         self._stamp[n], self._position[n], self._quaternion[n] = (pose.stamp_ns, pose.position,
-                                                                  pose.turn)
+                                                                  pose.quaternion)
         self._segment[n] = segment + (verdict in (PoseVerdict.GAP, PoseVerdict.JUMP))
         self._frame[n] = frame + (verdict == PoseVerdict.JUMP)
         self._n = n + 1

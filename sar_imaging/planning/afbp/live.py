@@ -65,7 +65,8 @@ def reading_db(cover: PolarCover, polar: PolarGrid, tx_m, rx_m,
     weight = echo_powers(tx_m, rx_m, cover.grid.centre_m, cover.grid.spacing_m * np.array(
         [[cover.grid.n_x, 0, 0], [0, cover.grid.n_y, 0]]), radar)
     return total_db(*(
-        interpolator.mean_error_db(paths.with_lit(frequency) * (spacing / (2 * np.pi)), weight)
+        interpolator.mean_error_db(
+            paths.with_illuminated(frequency) * (spacing / (2 * np.pi)), weight)
         for interpolator, frequency, spacing in (
             (cover.between, along_alpha, polar.alpha_spacing),
             (cover.along, along_range, polar.range_spacing_m))))
@@ -76,7 +77,8 @@ def ends_db(cover: PolarCover, polar: PolarGrid, tx_m, rx_m,
     """Error on the map because profiles end, dB; arguments as of `reading_db`."""
     paths = _of_some_echoes(cover, polar, tx_m, rx_m, illumination)[-1]
     return cover.window.mean_end_error_db(
-        paths.length, oversampling=cover.lattice.oversampling(cover.window.radar), lit=paths.lit)
+        paths.length, oversampling=cover.lattice.oversampling(cover.window.radar),
+        lit=paths.illuminated)
 
 
 def _of_some_echoes(cover, polar, tx_m, rx_m, illumination):

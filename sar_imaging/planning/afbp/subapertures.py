@@ -767,7 +767,7 @@ class SubaperturePlan(Plan):
         paths = sample_paths(tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), lines)
         if illumination is not None:
             paths = illumination.of_paths(paths, lines[0])
-        if paths.lit is not None and not paths.lit.any():
+        if paths.illuminated is not None and not paths.illuminated.any():
             return planned_db
         found_db = resampling_error_db(self.lattice, paths, self.radar)
         return found_db if math.isfinite(found_db) else planned_db  # the limits tell
@@ -843,7 +843,7 @@ class _Planner:
             source.n_samples + (0 if source.periodic else _PADDING),
             remaining_db(self.target_db, sampling.error_db))
         beams = self._cost(grid.coarse, lattice, range_m, lit).choose_beams(sampling.pulses)
-        warnings = [*self._cut_warnings(paths.of_lit(paths.length),
+        warnings = [*self._cut_warnings(paths.of_illuminated(paths.length),
                                         grid.fine_range_guard * polar.range_spacing_m)]
         if lit is not None:
             lattice, lit = lit.plan(grid.coarse, lattice, beams, sampling.pulses)
