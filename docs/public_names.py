@@ -42,9 +42,10 @@ MODULES = {
         'CERTAIN', 'LIKELY', 'ONE_OF_SEVERAL', 'Finding', 'channel_findings', 'coupling_findings',
         'sample_findings', 'slope_findings', 'timing_findings'),
     'sar_imaging.geometry.alignment': ('Alignment',),
+    'sar_imaging.geometry.antenna': ('Antenna', 'Mount'),
     'sar_imaging.geometry.illumination': (
-        'NO_SPREAD', 'AmplitudeSpread', 'Antenna', 'AntennaPattern', 'Illumination', 'Mount',
-        'PatternCut', 'Pointing'),
+        'NO_SPREAD', 'AmplitudeSpread', 'AntennaPattern', 'Illumination', 'PatternCut',
+        'Pointing'),
     'sar_imaging.geometry.navigation': (
         'DatumSearch', 'Fix', 'FixPoses', 'FoundDatum', 'FramePose', 'datum_through'),
     'sar_imaging.geometry.poses': ('PoseTrack',),

@@ -7,6 +7,8 @@ import pytest
 RECORDINGS, ARCHIVE = 'sar_imaging.recordings', 'sar_imaging.archive'
 SIMULATION = 'sar_imaging.simulation'
 FORMER = {'sar_imaging.loading': (RECORDINGS, 'load', 'DescriptionError', 'PoseTable'),
+          'sar_imaging.geometry.illumination': ('sar_imaging.geometry.antenna', 'Antenna',
+                                                'Mount'),
           'sar_imaging.tools.recordings': (RECORDINGS, 'read_blocks', 'make_truth', 'BagError'),
           'sar_imaging.tools.recordings.bag_io': (RECORDINGS, 'read_blocks', 'write_bag'),
           'sar_imaging.tools.products.sources': (RECORDINGS, 'open_source'),

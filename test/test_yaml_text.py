@@ -13,7 +13,7 @@ from sar_imaging.configuration.parameters import (
     load_tree,
     read_configuration,
 )
-from sar_imaging.geometry.illumination import Antenna
+from sar_imaging.geometry.antenna import Antenna
 from sar_imaging.radiometry import RadarConstant
 from sar_imaging.recordings import DescriptionError, read_description
 from sar_imaging.signal.calibration import CalibrationError, ChannelCalibration

@@ -24,8 +24,8 @@ from benchmarks.support.reporting import run_and_report
 from sar_imaging.autofocus.models import Geometry, GeometryModel
 from sar_imaging.autofocus.search import search
 from sar_imaging.autofocus.tiles import bright_points
+from sar_imaging.geometry.antenna import Antenna
 from sar_imaging.geometry.grids import Grid, MapGrid
-from sar_imaging.geometry.illumination import Antenna
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality import measure_scatterer
 from sar_imaging.recordings import (

@@ -1073,7 +1073,7 @@ def bag(path):
 
 @_call
 def antenna(path):
-    from sar_imaging.geometry.illumination import Antenna
+    from sar_imaging.geometry.antenna import Antenna
     return Antenna.load(path)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from ..geometry.illumination import (
+from ..geometry.antenna import (
     MEASURED,
     MOUNTS as MOUNTS,
     PATTERNS as PATTERNS,

@@ -3,7 +3,8 @@
 - `grids`, `polar`, `terrain`: pixels on a map, around an aperture, on the heights of the ground;
 - `poses`, `alignment`: from the platform's odometry to phase centres;
 - `earth`, `navigation`: where on the Earth the imaging frame stands, and satellite navigation;
-- `half_paths`, `track`: what imagers need of phase centres.
+- `half_paths`, `track`: what imagers need of phase centres;
+- `illumination`, `antenna`: how brightly echoes light points, and what a data sheet tells of it.
 """
 
 from .earth import Datum

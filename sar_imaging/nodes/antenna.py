@@ -12,7 +12,8 @@ from sar_imaging.configuration.antenna import (
     antenna_of,
     mount_of,
 )
-from sar_imaging.geometry.illumination import AntennaPattern, Mount
+from sar_imaging.geometry.antenna import Mount
+from sar_imaging.geometry.illumination import AntennaPattern
 
 from .runtime.parameters import Parameter, one_of, refused
 

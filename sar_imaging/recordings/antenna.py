@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ..geometry.illumination import Antenna, Mount, Pointing
+from ..geometry.antenna import Antenna, Mount
+from ..geometry.illumination import Pointing
 from ..signal.pulses import PulseBlock
 from .description import Section, of_part
 

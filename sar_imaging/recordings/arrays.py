@@ -10,7 +10,7 @@ import numpy as np
 
 from ..files import told
 from ..geometry.alignment import Alignment
-from ..geometry.illumination import Antenna, Mount
+from ..geometry.antenna import Antenna, Mount
 from ..geometry.poses import PoseTable
 from ..numpy_files import check_memory
 from ..signal.background import subtract_background

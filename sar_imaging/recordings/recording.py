@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from ..geometry.alignment import Alignment
+from ..geometry.antenna import Antenna, Mount
 from ..geometry.earth import Datum
 from ..geometry.grids import MapGrid
-from ..geometry.illumination import Antenna, Mount
 from ..geometry.poses import PoseTable
 from ..geometry.track import mean_centres
 from ..signal.positioning import PointingFinder, locate

@@ -9,9 +9,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from ..geometry.alignment import Alignment
+from ..geometry.antenna import Antenna, Mount
 from ..geometry.earth import Datum
 from ..geometry.grids import MapGrid
-from ..geometry.illumination import Antenna, Mount
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 
 TRUTH_VERSION = 1

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..geometry.alignment import Alignment
-from ..geometry.illumination import Mount
+from ..geometry.antenna import Mount
 from ..geometry.poses import Poses, PoseStatus, PoseTable, PoseTrack, PoseVerdict
 from ..geometry.track import mean_centres
 from .pulses import PulseBlock

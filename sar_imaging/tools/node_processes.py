@@ -19,7 +19,7 @@ from pathlib import Path
 import sar_imaging
 from sar_imaging.configuration.antenna import antenna_parameters
 from sar_imaging.files import replacing
-from sar_imaging.geometry.illumination import Antenna, Mount
+from sar_imaging.geometry.antenna import Antenna, Mount
 
 NODES = ('pulse_buffer', 'range_compression', 'backprojection')
 AFBP_NODES = (*NODES, 'afbp_fusion')

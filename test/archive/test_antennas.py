@@ -17,7 +17,8 @@ from sar_imaging.archive.scans import write_job, write_scan
 from sar_imaging.archive.storage import image_array
 from sar_imaging.archive.workflow import compute
 from sar_imaging.geometry import Datum, MapGrid
-from sar_imaging.geometry.illumination import Antenna, Illumination, Pointing
+from sar_imaging.geometry.antenna import Antenna
+from sar_imaging.geometry.illumination import Illumination, Pointing
 from sar_imaging.imaging.image import Image
 from sar_imaging.recordings import open_pulses
 from sar_imaging.recordings.bag_io import write_bag

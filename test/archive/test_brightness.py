@@ -19,7 +19,8 @@ from sar_imaging.archive.storage import MOSAIC, image_array
 from sar_imaging.archive.windows import Window, surface_points
 from sar_imaging.archive.workflow import compute
 from sar_imaging.formats import read_sicd
-from sar_imaging.geometry.illumination import Antenna, Illumination, Pointing
+from sar_imaging.geometry.antenna import Antenna
+from sar_imaging.geometry.illumination import Illumination, Pointing
 from sar_imaging.quality.impulse_response import measure_scatterer
 from sar_imaging.radiometry import RadarConstant, brightness
 from sar_imaging.recordings import open_pulses

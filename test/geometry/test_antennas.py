@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sar_imaging.geometry.illumination import Antenna, Mount, PatternCut, Pointing
+from sar_imaging.geometry.antenna import Antenna, Mount
+from sar_imaging.geometry.illumination import PatternCut, Pointing
 
 ANGLE = np.radians(np.linspace(-30, 30, 301))
 

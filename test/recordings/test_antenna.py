@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import yaml
 
-from sar_imaging.geometry.illumination import Antenna, Mount
+from sar_imaging.geometry.antenna import Antenna, Mount
 from sar_imaging.recordings import DescriptionError, load
 
 DESCRIPTION = {

@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 from sar_imaging.configuration.antenna import antenna_of, mount_of
 from sar_imaging.configuration.parameters import default_file, interpret, load_tree
 from sar_imaging.geometry.alignment import Alignment
-from sar_imaging.geometry.illumination import Antenna, Mount, Pointing
+from sar_imaging.geometry.antenna import Antenna, Mount
+from sar_imaging.geometry.illumination import Pointing
 from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.recordings import open_pulses
 from sar_imaging.recordings.bag_io import BagError, write_bag

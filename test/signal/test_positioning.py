@@ -9,7 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sar_imaging.geometry.alignment import Alignment
-from sar_imaging.geometry.illumination import Mount, Pointing
+from sar_imaging.geometry.antenna import Mount
+from sar_imaging.geometry.illumination import Pointing
 from sar_imaging.geometry.poses import PoseTrack
 from sar_imaging.signal.positioning import Positioner, locate, without_range_bias
 from sar_imaging.signal.pulses import PulseBlock

@@ -11,8 +11,8 @@ import numpy as np
 
 from ...configuration.derived import derive
 from ...configuration.settings import Acquisition, Imaging, Machine
+from ...geometry.antenna import Antenna, Mount
 from ...geometry.grids import MapGrid
-from ...geometry.illumination import Antenna, Mount
 from ...signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from ..movers import Mover
 from ..noise import complex_gaussian

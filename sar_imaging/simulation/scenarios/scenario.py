@@ -8,8 +8,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ...geometry.antenna import Antenna, Mount
 from ...geometry.grids import MapGrid
-from ...geometry.illumination import Antenna, Illumination, Mount, Pointing
+from ...geometry.illumination import Illumination, Pointing
 from ...signal.pulses import PulseBlock
 from ...signal.radar import RadarParameters
 from ..echoes import EchoSimulator, quantise

@@ -17,9 +17,10 @@ import numpy as np
 from ...files import naming
 from ...formats import read_sicd, write_geotiff
 from ...formats.cphd import Collection, CphdError, CphdReader, write_cphd
+from ...geometry.antenna import Antenna
 from ...geometry.earth import Datum
 from ...geometry.grids import MapGrid
-from ...geometry.illumination import Antenna, AntennaPattern, Illumination
+from ...geometry.illumination import AntennaPattern, Illumination
 from ...recordings.bag_io import (
     BagError,
     check_target,

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from benchmarks.measured import image_arcsar
+from sar_imaging.geometry.antenna import Antenna
 from sar_imaging.geometry.grids import MapGrid
-from sar_imaging.geometry.illumination import Antenna
 from sar_imaging.recordings import load
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.echoes import EchoSimulator

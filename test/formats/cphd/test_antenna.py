@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 from sar_imaging.formats.cphd import CphdError, CphdReader, write_cphd
-from sar_imaging.geometry.illumination import (
-    Antenna,
-    AntennaPattern,
-    Illumination,
-    PatternCut,
-    Pointing,
-)
+from sar_imaging.geometry.antenna import Antenna
+from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.signal.pulses import concatenate
 

@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 from sar_imaging.formats import Acquisition, write_sicd
-from sar_imaging.geometry.illumination import (
-    Antenna,
-    AntennaPattern,
-    Illumination,
-    PatternCut,
-    Pointing,
-)
+from sar_imaging.geometry.antenna import Antenna
+from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.imaging.image import Image, Report
 
 from .checker import failures

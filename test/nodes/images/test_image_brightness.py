@@ -13,7 +13,8 @@ from msg_conversions.subaperture_wire import as_received
 from sar_imaging.configuration.parameters import default_file, interpret, load_tree
 from sar_imaging.configuration.positions import check_positions
 from sar_imaging.geometry import MapGrid
-from sar_imaging.geometry.illumination import Antenna, Illumination, Pointing
+from sar_imaging.geometry.antenna import Antenna
+from sar_imaging.geometry.illumination import Illumination, Pointing
 from sar_imaging.nodes.afbp_fusion import FusionStep
 from sar_imaging.nodes.backprojection import VOLUME, BackprojectionStep
 from sar_imaging.nodes.runtime.parameters import ConfigurationError

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from sar_imaging.formats.cphd import CphdReader
+from sar_imaging.geometry.antenna import Antenna
 from sar_imaging.geometry.earth import Datum
-from sar_imaging.geometry.illumination import Antenna, Pointing
+from sar_imaging.geometry.illumination import Pointing
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.recordings import bag_io, open_pulses, read_recording
 from sar_imaging.recordings.truth import antenna_truth
