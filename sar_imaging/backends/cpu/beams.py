@@ -107,7 +107,7 @@ def sum_cells(b, index, size, along, across, work, weights, source, target, apar
     Source and target are in `work`: what `sum_beams` left, and real and imaginary part, so much
     apart each. `along` holds the coefficients, from that of degree 1, of the drift between cells
     as a polynomial of the index; `across` first the two of the drift between beams, then, from
-    degree 0, the two of that by how much of the second order the sum is rotated.
+    degree 0, the two of that by how much of the second order the phase of the sum is moved.
     """
     _sum_cells(b, index, size, along, across, work, weights, source, target, apart)
 
@@ -596,9 +596,10 @@ def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, w
                     for b in range(g * n_blocks, (g + 1) * n_blocks):
                         source = base + (b - g * n_blocks) * per_block * BINS
                         for v in range(n_vectors):
-                            _rotate(base_re, base_im, source + v * per_block * LANES, middle_re,
-                                  middle_im, first_middle + b * per_block * LANES, middle_steps,
-                                  steps + b * per_block, n_steps, per_block, echoes, echo)
+                            _fill_echoes(base_re, base_im, source + v * per_block * LANES,
+                                         middle_re, middle_im,
+                                         first_middle + b * per_block * LANES, middle_steps,
+                                         steps + b * per_block, n_steps, per_block, echoes, echo)
                             add_echoes(echoes, _u(echo), phasor_re, phasor_im,
                                        _u(phasor + b * half * ECHOES), _u(half), sums,
                                        _u(total + 4 * v * half * LANES))
@@ -673,7 +674,7 @@ def _load_echoes(samples, n_bins, first, count, common, weights, order, per_bloc
 
 
 @njit(inline='always')
-def _advance(base_re, base_im, source, middle_re, middle_im, now, cosine_step, sine_step):
+def _times(base_re, base_im, source, middle_re, middle_im, now, cosine_step, sine_step):
     """Sample times its phasor, which moves on by a vector."""
     cosine, sine = middle_re[now], middle_im[now]
     x, y = base_re[source], base_im[source]
@@ -683,8 +684,8 @@ def _advance(base_re, base_im, source, middle_re, middle_im, now, cosine_step, s
 
 
 @njit(inline='always')
-def _rotate(base_re, base_im, base, middle_re, middle_im, middle, step, first, n_steps, n_echoes,
-            echoes, echo):
+def _fill_echoes(base_re, base_im, base, middle_re, middle_im, middle, step, first, n_steps,
+                 n_echoes, echoes, echo):
     """A block of echoes from the group's middle: what a phasor's real and imaginary part count.
 
     An echo's phasor multiplies its samples and j times them; where echoes share one, their sum and
@@ -696,8 +697,8 @@ def _rotate(base_re, base_im, base, middle_re, middle_im, middle, step, first, n
         if n_echoes == ECHOES:
             for lane in range(LANES):
                 i = _u(lane)
-                re, im = _advance(base_re, base_im, source + i, middle_re, middle_im, now + i,
-                                  cosine, sine)
+                re, im = _times(base_re, base_im, source + i, middle_re, middle_im, now + i,
+                                cosine, sine)
                 echoes[to + i], echoes[to + _u(LANES) + i] = re, im
                 echoes[to + _u(2 * LANES) + i], echoes[to + _u(3 * LANES) + i] = -im, re
         else:
@@ -705,9 +706,9 @@ def _rotate(base_re, base_im, base, middle_re, middle_im, middle, step, first, n
             c, s = step[_u(first + ECHOES + k)], step[_u(n_steps + first + ECHOES + k)]
             for lane in range(LANES):
                 i = _u(lane)
-                re, im = _advance(base_re, base_im, source + i, middle_re, middle_im, now + i,
-                                  cosine, sine)
-                x, y = _advance(base_re, base_im, other + i, middle_re, middle_im, then + i, c, s)
+                re, im = _times(base_re, base_im, source + i, middle_re, middle_im, now + i,
+                                cosine, sine)
+                x, y = _times(base_re, base_im, other + i, middle_re, middle_im, then + i, c, s)
                 echoes[to + i], echoes[to + _u(LANES) + i] = re + x, im + y
                 echoes[to + _u(2 * LANES) + i], echoes[to + _u(3 * LANES) + i] = y - im, re - x
 

@@ -436,14 +436,14 @@ def _interpolate(beams, n_cells, most, rows, geometry, grid, between, along, fir
         for power in range(_POWERS - 1, 1, -1):
             second = (np.float32(power * (power - 1)) * beam_weights[power * _BEAM_TAPS + m]
                       + t * second)
-        rotated = second * bend
+        quadrature = second * bend
         if illumination is not None:
             once = np.float32(0.0)
             for power in range(_POWERS - 1, 0, -1):
                 once = np.float32(power) * beam_weights[power * _BEAM_TAPS + m] + t * once
-            w, rotated = a * w - c * second, a * rotated - b * once
-        real += w * re - rotated * im
-        imag += w * im + rotated * re
+            w, quadrature = a * w - c * second, a * quadrature - b * once
+        real += w * re - quadrature * im
+        imag += w * im + quadrature * re
     cosine, sine = phasor(np.float32(fraction(grid[12] * (distance - (r - grid[0])
                                                          - grid[13]))))
     images[g, 0, line, i] = real * cosine - imag * sine
