@@ -3,16 +3,20 @@
 - speed: exact backprojection along lines and point by point, and AFBP, with an antenna that lights
   everything and with one that lights a strip; process time on one thread, in pairs with the same
   image without illumination;
+- forms: exact backprojection of typical scenes, as planned and with amplitudes found in simpler
+  ways: on every line, and at each point; process time on one thread, in turn with the plan's;
 - stripmap: 30 s from orbit with 0.64 s in the beam, block by block, against the closed form.
 
 `illumination_campaign` measures predictions. Run from the repository root:
-``python -m benchmarks.illumination speed stripmap``.
+``python -m benchmarks.illumination speed forms stripmap``.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses
+import itertools
 import json
 import math
 import pathlib
@@ -21,6 +25,7 @@ import time
 import numba
 import numpy as np
 
+from sar_imaging.backends import cpu
 from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.illumination import AntennaPattern, PatternCut, Pointing
 from sar_imaging.imaging.imager import plan_image
@@ -87,6 +92,76 @@ def speed() -> list[dict]:
     return found
 
 
+#: Carrier and bandwidth, Hz; ground range, height and track, metres; pulses; pixels of a side and
+#: their spacing, metres; and a wide and a narrow antenna, radians.
+_FORMS = {
+    'rail, 77 GHz, 7 m': (77e9, 1e9, 7.0, 1.0, 0.6, 1024, 300, 0.02, (1.0, 0.2)),
+    'rover, 24 GHz, 60 m': (24e9, 500e6, 60.0, 10.0, 10.0, 512, 512, 0.1, (0.6, 0.2)),
+    'drone, 4 GHz, 10 m': (4e9, 1e9, 10.0, 8.0, 12.0, 380, 256, 0.06, (1.0, 0.4)),
+    'aircraft, 9.6 GHz, 10 km': (9.6e9, 150e6, 1e4, 3e3, 150.0, 256, 1024, 0.8, (0.1, 0.02)),
+    'strip, 9.6 GHz, 5 km': (9.6e9, 200e6, 5e3, 1e3, 700.0, 1024, 768, 0.5, (0.1, 0.015))}
+
+
+def _scene(carrier, band, range_m, height, track, n_pulses, size, spacing) -> tuple:
+    """Noise from a straight track, the antenna beside it, and the map."""
+    centres = np.zeros((n_pulses, 1, 3))
+    centres[:, 0, 0] = np.linspace(-track / 2, track / 2, n_pulses)
+    centres[:, 0, 2] = height
+    reach, rate = size * spacing, 1.5 * band
+    near = max(math.hypot(range_m, height) - reach, 0.3)
+    far = math.hypot(range_m + reach, reach + track) + height
+    n_samples = 64 + int(2 * (far - near) * rate / SPEED_OF_LIGHT)
+    spectrum = np.fft.fft(np.random.default_rng(0).normal(size=(n_pulses, 1, n_samples)))
+    spectrum[..., np.abs(np.fft.fftfreq(n_samples)) > 1 / 3] = 0
+    number = np.arange(n_pulses)
+    radar = RadarParameters(carrier, band, rate, 2 * near / SPEED_OF_LIGHT)
+    pointing = Pointing.beside_track(centres[:, 0], 1, math.atan2(height, range_m))
+    return (PulseBlock(radar, True, number, number, np.fft.ifft(spectrum), centres, centres,
+                       pointing=pointing), MapGrid((0.0, range_m, 0.0), size, size, spacing))
+
+
+def forms() -> list[dict]:
+    """Time of simpler ways to the amplitudes over that of the plan."""
+    numba.set_num_threads(1)
+    found = []
+    for name, (*scene, widths) in _FORMS.items():
+        block, grid = _scene(*scene)
+        for width, terrain in itertools.product(widths, (False, True)):
+            height = {'height_m': np.zeros(grid.shape)} if terrain else {}
+            args = grid, block.radar, block.n_samples
+            more = {'method': 'exact', 'target_db': -60.0, **height}
+            pattern = AntennaPattern(PatternCut.sinc(width), PatternCut.gaussian(0.9))
+            imager = plan_image(*args, illumination=pattern, **more)
+            plan, bare = (i(block).report.plan for i in (imager, plan_image(*args, **more)))
+            lit = plan.route.lit
+            name_of, change = ('each point', {'each': True}) if plan.method == 'points' else (
+                'every line', {'apart': 1})
+            simpler = dataclasses.replace(plan, route=dataclasses.replace(
+                plan.route, lit=dataclasses.replace(lit, **change)))
+            plans = {'planned': plan, 'without': bare, name_of: simpler}
+            found.append({'case': name, 'width_rad': width, 'route': plan.method,
+                          'lit_share': lit.share, 'seconds_over_planned': _over_first(
+                              plans, block)})
+            print(found[-1], flush=True)
+    return found
+
+
+def _over_first(plans: dict, block: PulseBlock) -> dict[str, float]:
+    """Median ratio of the time of plans to that of the first, measured in turn."""
+    echoes = (block.samples.reshape(-1, block.n_samples).astype(np.complex64),
+              block.tx_m.reshape(-1, 3), block.rx_m.reshape(-1, 3))
+    backends = {name: cpu.Backprojection(plan) for name, plan in plans.items()}
+    seconds = np.empty((_ROUNDS + 1, len(plans)))
+    for row in seconds:
+        for i, (name, backend) in enumerate(backends.items()):
+            image = np.zeros(plans[name].grid.shape, np.complex64)
+            begin = time.process_time()
+            backend.add(*echoes, image)
+            row[i] = time.process_time() - begin
+    ratios = np.median(seconds[1:] / seconds[1:, :1], axis=0)  # the first compiles
+    return dict(zip(plans, ratios.round(3).tolist(), strict=True))
+
+
 def stripmap() -> dict:
     """A scatterer in noise on a strip of 8 km by 2 km, from 30 s of a satellite's flight."""
     numba.set_num_threads(1)
@@ -145,7 +220,7 @@ def _sidelobe_db(amplitude) -> float:
 def main() -> None:
     """Run parts and write what they found."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
-    parts = {'speed': speed, 'stripmap': stripmap}
+    parts = {'speed': speed, 'forms': forms, 'stripmap': stripmap}
     parser.add_argument('parts', nargs='+', choices=parts)
     results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     for name in parser.parse_args().parts:
