@@ -263,17 +263,20 @@ def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination):
     lines = GridLines(grid, tx_m, rx_m, illumination)
     check_reach(lines.range_m, radar, n_samples)
     where = radar, n_samples, tx_m, rx_m
+    # The least cost of each route tells which is worth a plan; illumination makes lines cheaper.
+    least = 0.0 if illumination is not None else least_cost() * len(tx_m)
+    routes = [(least, lambda: _plan_lines(lines, *where, len(grid.shape), target_db,
+                                          illumination))]
+    if isinstance(grid, MapGrid):  # polar images lie on horizontal planes
+        routes.append((costs().map_pixel, lambda: plan_polar(
+            grid, tx_m, rx_m, radar, n_samples, target_db, illumination)))
     route, cost = None, costs().point_pixel * len(tx_m)
-    # Polar images lie on horizontal planes, and cannot pay for fewer pulses.
-    if isinstance(grid, MapGrid) and cost > costs().map_pixel:
-        polar = plan_polar(grid, tx_m, rx_m, radar, n_samples, target_db, illumination)
-        if polar is not None and polar.cost < cost and (
-                illumination is None or total_db(*polar.errors_db.values()) <= target_db):
-            route, cost = polar, polar.cost
-    if illumination is not None or least_cost() * len(tx_m) < cost:
-        along = _plan_lines(lines, *where, len(grid.shape), target_db, illumination)
-        if along is not None and along.cost < cost:
-            route = along
+    for least, plan in sorted(routes, key=lambda known: known[0]):
+        found = plan() if least < cost else None
+        if found is not None and found.cost < cost and (
+                illumination is None or found.method != PolarPlan.method
+                or total_db(*found.errors_db.values()) <= target_db):
+            route, cost = found, found.cost
     if route is None:
         route = plan_even_points(grid, *where, lines.range_m, target_db, illumination=illumination)
     return lines.range_m, route
