@@ -2,7 +2,8 @@
 
 Echoes and images are plain NumPy in float64, apart from the package: scatterers with the range
 and phase of every pulse, ground that walls hide from each pulse by itself, and backprojection of
-range profiles. Three apertures pass by; the map is that of all of them, or of the first.
+range profiles. Three apertures pass by; the map is that of all of them, or of the first. A fifth
+as many scenes have a wall across the whole map.
 
 Run from the repository root: ``make obstacle-shadows``.
 """
@@ -28,7 +29,7 @@ from .support.machine import machine
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'obstacle_shadows.json'
 _LIGHT = 299_792_458.0
 _CARRIER_HZ, _PULSES, _APERTURES = 10e9, 96, 3
-_SIZE_M, _WALL_M, _SHADOW_DB = 28.0, 10.0, -15.0
+_SIZE_M, _SHADOW_DB = 28.0, -15.0
 _PER_CELL = 2.0  # scatterers of the ground in a resolution cell
 _WALL_STEP_M = 0.1
 _SPLIT = 12  # of the phase over frequency: a product of two short ones
@@ -43,6 +44,7 @@ class Scene:
     """
 
     seed: int
+    WALL_M, DEPTHS_M = 10.0, (5.0, 9.0)
 
     def __post_init__(self):
         rng = self.rng = np.random.default_rng([36, self.seed])
@@ -54,12 +56,12 @@ class Scene:
         self.window = np.hamming if self.seed % 8 < 4 else np.ones
         n = int(_SIZE_M / (0.5 * self.cell_m))
         self.grid = MapGrid((self.range_m, 0.0, 0.0), n, n, 0.5 * self.cell_m)
-        self.depth_m = rng.uniform(5.0, 9.0)
+        self.depth_m = rng.uniform(*self.DEPTHS_M)
         turn = math.radians(rng.uniform(-20, 20))
         middle = np.array([self.range_m + rng.uniform(-6, 0), rng.uniform(-5, 5)])
         along = np.array([math.sin(turn), math.cos(turn)])
-        self.wall_m = middle + np.outer(np.arange(-0.5, 0.5, _WALL_STEP_M / _WALL_M), along
-                                        ) * _WALL_M
+        self.wall_m = middle + np.outer(np.arange(-0.5, 0.5, _WALL_STEP_M / self.WALL_M), along
+                                        ) * self.WALL_M
         self.ends_m = self.wall_m[[0, -1]]
         # Some shadows are as dark as the noise, others have weak echoes of their own.
         self.noise_db, self.shadow = ((_SHADOW_DB, 0.0) if rng.random() < 0.5 else
@@ -149,6 +151,12 @@ class Scene:
             _CARRIER_HZ, self.bandwidth_hz, self.bandwidth_hz, first_sample_delay_s=1e-7))
 
 
+class LongWall(Scene):
+    """A wall across the whole map, and nothing but its shadow behind it."""
+
+    WALL_M, DEPTHS_M = 50.0, (50.0, 50.0)
+
+
 def middle_of(grid: MapGrid) -> np.ndarray:
     """(2,) middle of a map."""
     return np.array(grid.centre_m[:2])
@@ -185,9 +193,9 @@ def backprojected(spectrum, frequency, distance_m, middle_m) -> np.ndarray:
     return samples * np.exp(4j * np.pi / _LIGHT * _CARRIER_HZ * distance_m)
 
 
-def measure(seed: int) -> dict:
+def measure(seed: int, kind: type[Scene] = Scene) -> dict:
     """One scene: shares of states where the ground is hidden, dark or open, and what is found."""
-    scene, found = Scene(seed), ObstacleMap()
+    scene, found = kind(seed), ObstacleMap()
     out = {'seed': seed, 'wall_db': scene.wall_db, 'noise_db': scene.noise_db, 'seconds': 0.0}
     for i in range(_APERTURES):
         image = scene.image(i).astype(np.complex64)
@@ -274,8 +282,12 @@ def main() -> None:
     parser.add_argument('--results', type=pathlib.Path, default=RESULTS)
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.scenes)
-    results = {'machine': machine(),
+    results = {'machine': machine(), 'seeds': [seeds[0], seeds[-1]],
                **summary([measure(seed) for seed in tqdm(seeds, mininterval=10)])}
+    long = summary([measure(seed, LongWall) for seed in tqdm(seeds[::5], mininterval=10)])
+    results['long_walls'] = {'scenes': long['scenes'], **{
+        when: {name: long[when][name] for name in ('shadow', 'around', 'away')}
+        for when in ('first', 'all')}}
     arguments.results.write_text(json.dumps(results, indent=1) + '\n')
     print(json.dumps(results, indent=1))
 
