@@ -249,7 +249,7 @@ def test_images_without_a_track_are_counted_and_told_once(car, profiles):
     outputs = Outputs('obstacle_map')
     step.create_outputs(outputs)
     for image in step.process(profiles):
-        step._pulses.view = lambda counters: _raise('the track bends by 3 m')
+        step._pulses.view = lambda counters, near_ns: _raise('the track bends by 3 m')
         step.publish(image)
     assert log['obstacle_maps_refused'] == 2 and log['images_published'] == 2
     told = [line for line in log.lines if 'no obstacle map' in line]
