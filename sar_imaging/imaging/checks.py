@@ -99,7 +99,7 @@ class _Trial:
     def wanted(self, factors=1.0, points_m=None, *, lit: bool = False) -> np.ndarray:
         """Correlation at the pixels, or at other points, of spectra times factors."""
         points_m = self.grid.points() if points_m is None else points_m
-        return self._scene.correlation(points_m, self._scale * factors, lit=lit)
+        return self._scene.correlation(points_m, self._scale * factors, illuminated=lit)
 
 
 def _keeps_promise(image, report, wanted) -> str:
