@@ -155,18 +155,18 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     slope_line = slope + slope_alpha * alpha_by_range
     if paths.illuminated is not None:
         slope_line, slope = paths.with_illuminated(slope_line), paths.with_illuminated(slope)
-        slope_alpha, of_lit = (paths.of_illuminated_rows(slope_alpha),
-                               paths.with_illuminated(slope_alpha))
+        illuminated = paths.with_illuminated(slope_alpha)
+        slope_alpha = paths.of_illuminated_rows(slope_alpha)
     else:
-        of_lit = slope_alpha
+        illuminated = slope_alpha
     ends = np.array(radar.wavenumbers_rad_per_m)
     half_range = float(np.abs(np.multiply.outer(ends, [slope_line.min(), slope_line.max()])
                               - radar.wavenumber_rad_per_m).max())
-    half_alpha = float(np.abs(of_lit).max() * ends[1]) + math.sqrt(3) * spread.rms
+    half_alpha = float(np.abs(illuminated).max() * ends[1]) + math.sqrt(3) * spread.rms
     # of wavenumbers, some echoes and samples of the map
     some = echoes_for_means(len(tx_m))
     k = np.linspace(*ends, _WAVENUMBERS)[:, None, None]
-    even, along_range = k * of_lit[some], k * slope_line[some] - radar.wavenumber_rad_per_m
+    even, along_range = k * illuminated[some], k * slope_line[some] - radar.wavenumber_rad_per_m
     weight = echo_powers(tx_m, rx_m, grid.centre_m, grid.spacing_m * np.array(
         [[grid.n_x, 0, 0], [0, grid.n_y, 0]]), radar)
     between, between_db = fitting_interpolator(
