@@ -138,7 +138,7 @@ IMAGE_OVERHEAD, FUSION_OVERHEAD = 'subaperture, its image', 'subaperture, its fu
 
 _NEVER, _ALWAYS = 1e9, 1e-6  # costs that choose ways
 _SAMPLE_BYTES = 8
-_APART, _WIDE_RAD = (16, 1), 1.0  # segments between knots of amplitudes; of an antenna
+_WIDE_RAD = 1.0  # of an antenna
 
 
 @dataclasses.dataclass(frozen=True)
@@ -297,8 +297,9 @@ class _Experiments:
         for changed in ({}, {'segment': 16}, finer):  # of a few rows: what pixels and cells take
             yield self._image(dataclasses.replace(planned, **changed), plan,
                               whole.select(slice(0, 4)))
-        for apart in _APART:
-            yield self._lit_image(planned, plan, whole.select(slice(0, 4)), apart)
+        for changed in ({}, {'segment': 16}):
+            yield self._lit_image(dataclasses.replace(planned, n_weighed=1, **changed), plan,
+                                  whole.select(slice(0, 4)))
 
     def _image(self, beams: BeamSampling | None, plan: AfbpPlan, some: PulseBlock) -> Experiment:
         stage = dataclasses.replace(plan.subapertures, beams=beams)
@@ -307,17 +308,15 @@ class _Experiments:
         counts = {**stage.image_operations(some.n_pulses * some.n_channels), IMAGE_OVERHEAD: 1}
         return self._experiment('beams', counts, lambda: image.image(0, some, None, out))
 
-    def _lit_image(self, beams: BeamSampling, plan: AfbpPlan, some: PulseBlock, apart: int
-                   ) -> Experiment:
-        """With an antenna that lights everything, its amplitudes at knots so far apart."""
+    def _lit_image(self, beams: BeamSampling, plan: AfbpPlan, some: PulseBlock) -> Experiment:
+        """With an antenna that lights everything."""
         some = dataclasses.replace(some, pointing=Pointing.steered(some.phase_centre_m,
                                                                    plan.grid.centre_m))
         light = Illumination.of_pulses(AntennaPattern(PatternCut.gaussian(_WIDE_RAD)),
                                        some.pointing, some.tx_m, some.rx_m)
-        lit = LitSubapertures(light, frozenset((0,)), apart, None, 1.0, LEAST_DB)
+        lit = LitSubapertures(light, frozenset((0,)), None, 1.0, LEAST_DB)
         stage = dataclasses.replace(plan.subapertures, lit=lit)
-        return self._image(dataclasses.replace(beams, n_weighed=1),
-                           dataclasses.replace(plan, subapertures=stage), some)
+        return self._image(beams, dataclasses.replace(plan, subapertures=stage), some)
 
     def _fusion(self, plan: AfbpPlan) -> Experiment:
         stage = plan.subapertures

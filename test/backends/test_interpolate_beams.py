@@ -71,7 +71,7 @@ def test_lines_away_from_the_middle(seed, n_beams, n_lines, n_pixels, segment, b
         beams.reshape(-1), (n_beams, n_cells + TILE, n_lines, n_pixels, segment), lines,
         BeamPlaces(centre, track, np.array([range_m, cell_m, cell_m]), np.array([first, spacing]),
                    2 / wavelength_m, zero_cycles, np.array([curvature, bend])),
-        _table(BETWEEN), _table(ALONG), index, image.reshape(-1), work, jobs.ctypes.data, None, 0)
+        _table(BETWEEN), _table(ALONG), index, image.reshape(-1), work, jobs.ctypes.data, None)
 
     points = centre + (start_m + cell_m * np.arange(n_pixels))[None, :, None] * away[:, None]
     beam_image = reference.BeamImage(

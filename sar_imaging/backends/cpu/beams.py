@@ -354,12 +354,12 @@ class AmplitudeParabolas:
     ----------
     polar : PolarGrid
         Polar grid of sub-aperture images.
-    apart : int
-        Pixels between support points.
+    segment : int
+        Pixels from one support point to the next.
     """
 
-    def __init__(self, polar: PolarGrid, apart: int):
-        places = np.arange(-(-polar.n_range // apart) + 1) * apart
+    def __init__(self, polar: PolarGrid, segment: int):
+        places = np.arange(-(-polar.n_range // segment) + 1) * segment
         positions = polar.locate(places, np.arange(polar.n_alpha)[:, None])[0]
         self._shape = positions.shape[:2]
         self._positions = np.ascontiguousarray(positions.reshape(-1, 3).T)
@@ -766,7 +766,7 @@ class BeamPlaces(NamedTuple):
 
 @njit(parallel=True, fastmath=DETERMINISTIC)
 def interpolate_beams(beams, shape, lines, geometry, between, along, index, image, work, jobs,
-                      parabolas, segments_apart):
+                      parabolas):
     """Interpolate beams to the lines of a polar image at range baseband.
 
     `backends.reference.interpolate_beams` has the formula. Within a segment of a line the places
@@ -797,9 +797,7 @@ def interpolate_beams(beams, shape, lines, geometry, between, along, index, imag
         Work space of T tasks, and the address of a `job_counter`.
     parabolas : (3, n_lines, K) float32 or None
         Amplitude of echoes by their phase from beam to beam, see `AmplitudeParabolas.parabolas`;
-        None where all pixels are illuminated alike.
-    segments_apart : int
-        Segments between its support points.
+        None where all pixels are illuminated alike. Support points are at the ends of segments.
     """
     centre, track, range_m, direction, cycles_per_m, zero_cycles, curvature = geometry
     n_beams, n_cells, n_lines, n_pixels, segment = shape
@@ -861,9 +859,9 @@ def interpolate_beams(beams, shape, lines, geometry, between, along, index, imag
                     sum_cells(index, _u(segment), (v1, v2, v3), (u1, u2, bend, bend1), work,
                               w + _u(3 * STORED), mixed + _u(place - start), sums, part)
                 else:
-                    a0, a1 = _along_segment(parabolas, line, number, segments_apart, segment, 0)
-                    b0, b1 = _along_segment(parabolas, line, number, segments_apart, segment, 1)
-                    q0, q1 = _along_segment(parabolas, line, number, segments_apart, segment, 2)
+                    a0, a1 = _along_segment(parabolas, line, number, segment, 0)
+                    b0, b1 = _along_segment(parabolas, line, number, segment, 1)
+                    q0, q1 = _along_segment(parabolas, line, number, segment, 2)
                     sum_weighted_cells(index, _u(segment), (v1, v2, v3), (u1, u2, bend, bend1),
                                        work, w + _u(3 * STORED), mixed + _u(place - start), sums,
                                        part, (a0, a1, b0, b1, q0, q1))
@@ -883,12 +881,10 @@ def interpolate_beams(beams, shape, lines, geometry, between, along, index, imag
 
 
 @njit(inline='always')
-def _along_segment(parabolas, line, number, apart, segment, order):
-    """Value in the middle of a segment, and growth by pixel, between two support points."""
-    place = number // apart
-    grown = (parabolas[order, line, place + 1] - parabolas[order, line, place]) / np.float32(apart)
-    share = np.float32(number - place * apart + 0.5)
-    return parabolas[order, line, place] + share * grown, grown / np.float32(segment)
+def _along_segment(parabolas, line, number, segment, order):
+    """Value in the middle of a segment, and growth by pixel, between its two support points."""
+    grown = parabolas[order, line, number + 1] - parabolas[order, line, number]
+    return parabolas[order, line, number] + np.float32(0.5) * grown, grown / np.float32(segment)
 
 
 @njit(inline='always')
@@ -934,9 +930,7 @@ class BeamformedSubaperture:
         self._lines = segment_middles(polar.locate, np.arange(polar.n_alpha),
                                       polar.n_range, sampling.segment)
         self._edges = grid_edges(polar)
-        self._amplitudes = plan.lit and AmplitudeParabolas(polar,
-                                                           plan.lit.apart * sampling.segment)
-        self._segments_apart = 0 if plan.lit is None else plan.lit.apart
+        self._amplitudes = plan.lit and AmplitudeParabolas(polar, sampling.segment)
 
     def fill(self, samples, tx_m, rx_m, image, weights=None,
              nodes: tuple[AmplitudeNodes, ...] | None = None) -> None:
@@ -1003,7 +997,7 @@ class BeamformedSubaperture:
                 np.array([start, spacing]), cycles_per_m, -cycles_per_m * source.phase_range_m,
                 np.array([1 / geometry.range_m, bend])),
             _table(sampling.between.interpolator), _table(sampling.along), index,
-            image.reshape(-1), work, jobs.ctypes.data, parabolas, self._segments_apart)
+            image.reshape(-1), work, jobs.ctypes.data, parabolas)
 
 
 def _uncrowded(n_cells: int) -> int:

@@ -309,7 +309,7 @@ def interpolate_beams(beams, n_cells, most, rows, geometry, grid, between, along
 
 @kernel()
 def interpolate_weighted_beams(beams, n_cells, most, rows, geometry, grid, between, along,
-                               first_between, first_along, images, parabolas, apart):
+                               first_between, first_along, images, parabolas, segment):
     """As `interpolate_beams`, of echoes whose amplitude is a parabola of their phase.
 
     Parameters
@@ -319,12 +319,12 @@ def interpolate_weighted_beams(beams, n_cells, most, rows, geometry, grid, betwe
     first_between, first_along, images :
         As of `interpolate_beams`.
     parabolas : (G, n_alpha, K, 3) float32
-        Coefficients A, B and C, see `fit_parabolas`, at support points along range.
-    apart : int
-        Pixels between support points.
+        Coefficients A, B and C, see `fit_parabolas`, at the ends of segments along range.
+    segment : int
+        Pixels of a segment.
     """
     _interpolate(beams, n_cells, most, rows, geometry, grid, between, along, first_between,
-                 first_along, images, (parabolas, apart))
+                 first_along, images, (parabolas, segment))
 
 
 @kernel()
@@ -410,9 +410,9 @@ def _interpolate(beams, n_cells, most, rows, geometry, grid, between, along, fir
     bend = np.float32((1.0 - direction * direction) * (1.0 / distance - 1.0 / geometry[g, RANGE])
                       * geometry[g, BEND])
     if illumination is not None:
-        parabolas, apart = illumination
-        support = i // apart
-        share = np.float32(i - support * apart) / np.float32(apart)
+        parabolas, segment = illumination
+        support = i // segment
+        share = np.float32(i - support * segment) / np.float32(segment)
         a, b, c = (_between(parabolas, g, line, support, share, 0),
                    _between(parabolas, g, line, support, share, 1),
                    _between(parabolas, g, line, support, share, 2))
@@ -488,8 +488,7 @@ class Beams:
         self._table = xp.asarray(np.exp(sampling.between.log_gain).astype(np.float32))
         self._weights = [xp.asarray(v.weights) for v in (sampling.between.interpolator,
                                                          sampling.along)]
-        self._amplitudes = plan.lit and _AmplitudeParabolas(polar,
-                                                            plan.lit.apart * sampling.segment)
+        self._amplitudes = plan.lit and _AmplitudeParabolas(polar, sampling.segment)
         # neighbours that may share phases, as the processor's do
         self._form = form_beams if sampling.group >= BEAMS else form_single_beams
 
@@ -585,11 +584,11 @@ class Beams:
 
 
 class _AmplitudeParabolas:
-    """Support points of the amplitudes along the lines of a coarse grid, so many pixels apart."""
+    """Support points of the amplitudes at the ends of the segments of a coarse grid's lines."""
 
-    def __init__(self, polar: PolarGrid, apart: int):
-        self._apart, self._shape = apart, (polar.n_alpha, -(-polar.n_range // apart) + 1)
-        positions = polar.locate(np.arange(self._shape[1]) * apart,
+    def __init__(self, polar: PolarGrid, segment: int):
+        self._segment, self._shape = segment, (polar.n_alpha, -(-polar.n_range // segment) + 1)
+        positions = polar.locate(np.arange(self._shape[1]) * segment,
                                  np.arange(polar.n_alpha)[:, None])[0]
         self._positions = xp.asarray(np.ascontiguousarray(positions.reshape(-1, 3).T))
 
@@ -622,4 +621,4 @@ class _AmplitudeParabolas:
         launch(fit_parabolas, (-(-found.shape[1] // _THREADS), len(found)), _THREADS,
                antennas.axes, antennas.table, antennas.place, self._positions, *told,
                xp.asarray(phase), found)
-        return found.reshape(len(found), *self._shape, 3), self._apart
+        return found.reshape(len(found), *self._shape, 3), self._segment

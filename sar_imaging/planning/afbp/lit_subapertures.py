@@ -30,8 +30,7 @@ from .beams import BeamSampling
 
 NODES = tuple(0.5 + 0.5 * x for x in (-math.sqrt(0.6), 0.0, math.sqrt(0.6)))  # of Gauss' rule
 NODES_APART = 0.1  # of their span, at least, that nodes lie apart along the track
-KNOTS_APART = (16, 8, 4, 2, 1)  # segments along range
-_KNOT_SHARE, _LEAST = 0.2, 1e-16  # of the error of amplitudes for knots along range
+_LEAST = 1e-16
 _PAIRS = 1 << 14  # at which a sub-aperture is looked at while pulses arrive
 _LOOKED_AT = 9  # directions and ranges, to tell which sub-apertures see the grid
 
@@ -46,8 +45,6 @@ class LitSubapertures:
         Illumination of the echoes of the aperture.
     seen : frozenset of int
         Sub-apertures that light a part of the grid; the others add nothing.
-    apart : int
-        Segments between knots along range, of images from beams.
     lines : LitLines or None
         Lines of images to which pulses are added directly.
     power : float
@@ -60,15 +57,14 @@ class LitSubapertures:
 
     illumination: Illumination
     seen: frozenset[int]
-    apart: int
     lines: LitLines | None
     power: float
     predicted_error_db: float
     by_channel: bool = False
 
     def n_knots(self, coarse: PolarGrid, segment: int) -> int:
-        """Knots of the amplitudes of an image from beams with segments of so many pixels."""
-        return coarse.n_alpha * (-(-coarse.n_range // (self.apart * segment)) + 1)
+        """Knots of the amplitudes of an image from beams: the ends of segments of its lines."""
+        return coarse.n_alpha * (-(-coarse.n_range // segment) + 1)
 
     def n_bytes(self, coarse: PolarGrid, segment: int) -> int:
         """Memory that amplitudes take, with so many ranges of `coarse` to a segment, bytes."""
@@ -201,7 +197,7 @@ class LitError:
         `pulses` are those of the sub-apertures. None where parabolas miss the budget even channel
         by channel.
         """
-        most = (1 - _KNOT_SHARE) * 10 ** (self.budget_db / 10)
+        most = 10 ** (self.budget_db / 10)
         if self.error(pulses) <= most:
             return 1
         by_channel = self._n_channels > 1 and self.error(pulses, by_channel=True) <= most
@@ -228,10 +224,9 @@ class LitError:
         lit, n_channels = self._illumination, self._n_channels
         seen = seen_subapertures(coarse, pulses, lit, n_channels)
         if beams is not None:
-            apart, along = self.knots(coarse, beams.segment,
-                                      _KNOT_SHARE * 10 ** (self.budget_db / 10))
-            error = self.error(pulses, beams.n_weighed > 1) + along
-            return lattice, LitSubapertures(lit, seen, apart, None, self.power,
+            error = (self.error(pulses, beams.n_weighed > 1)
+                     + self._along_range(coarse, beams.segment * coarse.range_spacing_m))
+            return lattice, LitSubapertures(lit, seen, None, self.power,
                                             10 * math.log10(error + _LEAST), beams.n_weighed > 1)
         starts = tuple(p.start * n_channels for p in pulses)
         lattice, lines, _ = plan_lit_segments(
@@ -242,7 +237,7 @@ class LitError:
         if lines is None:
             raise ValueError('amplitudes change too much from pixel to pixel of the sub-aperture '
                              'images; use exact backprojection')
-        return lattice, LitSubapertures(lit, seen, 1, lines, self.power,
+        return lattice, LitSubapertures(lit, seen, lines, self.power,
                                         lines.predicted_error_db)
 
     def error(self, pulses, by_channel: bool = False) -> float:
@@ -283,23 +278,15 @@ class LitError:
         true = pair_amplitude(self._illumination, echoes, self._points)
         return (a + u * (b + u * c) - true) ** 2, true ** 2, echoes
 
-    def knots(self, coarse: PolarGrid, segment: int, wanted: float) -> tuple[int, float]:
-        """Segments between knots along range, and the error of straight lines between them."""
-        rng = np.random.default_rng(4)
+    def _along_range(self, coarse: PolarGrid, length_m: float) -> float:
+        """Error of straight lines over segments along range, relative to the image's power."""
         r, alpha = self._polar.from_map(self._points[:, 0], self._points[:, 1])
-        error, power = 0.0, max(np.mean(pair_amplitude(
-            self._illumination, self._echoes, self._points) ** 2), 1e-300)
-        for apart in KNOTS_APART:
-            length = apart * segment * coarse.range_spacing_m
-            share = rng.uniform(0, 1, len(r))
-            first = np.maximum(r - share * length, coarse.range_start_m)
-            before, after, true = (pair_amplitude(self._illumination, self._echoes, coarse.lines(
-                at, alpha)[0]) for at in (first, first + length, r))
-            share = (r - first) / length
-            error = float(np.nanmean((before + share * (after - before) - true) ** 2) / power)
-            if error <= wanted:
-                break
-        return apart, error
+        first = np.maximum(r - np.random.default_rng(4).uniform(0, length_m, len(r)),
+                           coarse.range_start_m)
+        before, after, true = (pair_amplitude(self._illumination, self._echoes, coarse.at(
+            at, alpha)) for at in (first, first + length_m, r))
+        wrong = before + (r - first) / length_m * (after - before) - true
+        return bounded_ratio(wrong ** 2, true ** 2)
 
 
 def seen_subapertures(coarse: PolarGrid, pulses, illumination: Illumination, n_channels: int

@@ -79,7 +79,7 @@ def test_images_of_lit_echoes(scene, error_db, n_channels):
                      for name in ('cuda', 'cpu'))
     assert error_db(found, wanted) < -100.0
     plan = dataclasses.replace(from_beams(plan, block, 1, n_channels), lit=dataclasses.replace(
-        plan.lit, lines=None, apart=1))
+        plan.lit, lines=None))
     found, wanted = (to_host(backend(name).SubapertureImager(plan).image(0, some))
                      for name in ('cuda', 'reference'))
     assert error_db(found, wanted) < -92.0  # as without illumination
