@@ -112,7 +112,12 @@ def _size_off(fault: str, true: tuple[float, ...], told: tuple[float, ...]) -> f
 
 
 def severity(right: Case, wrong: Case) -> tuple[float, float]:
-    """Loss of the image's contrast, decibels, and way of its brightest pixel, in cells."""
+    """Loss of the image's contrast, decibels, and way of its brightest pixel, in cells.
+
+    Of the same pulses: where a fault leaves out some, those are no part of its harm.
+    """
+    kept = np.isin(right.block.counter, wrong.block.counter)
+    right = dataclasses.replace(right, block=right.block.select(kept))
     (points, before), (places, after) = (
         (places, np.square(np.abs(image), dtype=float)) for places, image in
         map(_image, (right, wrong)))
@@ -227,12 +232,15 @@ def tallied(entries, key: Callable[[dict], str]) -> dict:
         if entry['found'] is None:
             continue
         row = out.setdefault(key(entry), {
-            'first_seed': entry['seed'], 'right': Counter(), 'worse': Counter(), 'as_good':
-            Counter(), 'sizes': 0, 'sizes_wrong': 0, 'cases': []})
+            'first_seed': entry['seed'], 'right': Counter(), 'worse': Counter(),
+            'as_sharp': Counter(), 'as_good': Counter(), 'sizes': 0, 'sizes_wrong': 0,
+            'cases': []})
         row['first_seed'] = min(row['first_seed'], entry['seed'])
         kind = outcome(entry)
         row['right' if entry['fault'] == RIGHT else
             'worse' if worse(entry) else 'as_good'][kind] += 1
+        if worse(entry) and entry.get('worse_db', math.inf) <= _WORSE_DB:
+            row['as_sharp'][kind] += 1  # of the worse: displaced, and as much in focus
         if entry.get('size_off') is not None:
             row['sizes'] += 1
             row['sizes_wrong'] += entry['size_off'] > _SIZE
@@ -243,14 +251,15 @@ def tallied(entries, key: Callable[[dict], str]) -> dict:
 
 
 def _table(title: str, rows: dict) -> None:
-    print(f'\n| {title} | named | could not tell | missed, or another named | as good: named,'
-          ' could not tell, not named | sizes right | right recordings: accused, could not tell, '
-          'nothing wrong |\n|' + 7 * '---|')
+    print(f'\n| {title} | named | could not tell | missed, or another named | of all these'
+          ' displaced, but as sharp: named, could not tell, missed | as good: named, could not'
+          ' tell, not named | sizes right | right recordings: accused, could not tell, '
+          'nothing wrong |\n|' + 8 * '---|')
     for name, row in rows.items():
-        w, g, r = row['worse'], row['as_good'], row['right']
+        w, s, g, r = (row[key] for key in ('worse', 'as_sharp', 'as_good', 'right'))
         total = sum(w.values())
         print(f'| {name} | {w[NAMED]} of {total} | {w[UNTOLD]} | {w[MISSED]} | '
-              f'{g[NAMED]}, {g[UNTOLD]}, {g[MISSED]} | '
+              f'{s[NAMED]}, {s[UNTOLD]}, {s[MISSED]} | {g[NAMED]}, {g[UNTOLD]}, {g[MISSED]} | '
               f'{row["sizes"] - row["sizes_wrong"]} of {row["sizes"]} | '
               f'{r[ACCUSED]}, {r[UNTOLD]}, {r[WELL]} |')
 

@@ -116,6 +116,8 @@ class Diagnosis:
     doubtful : tuple of str
         Those of them whose images are clearly sharper than the one of the data, which is not
         clearly in focus.
+    undo : callable, optional
+        From a block to the blocks that it should have been without the mistake.
 
     Examples
     --------
@@ -138,6 +140,8 @@ class Diagnosis:
     alternatives: tuple[str, ...] = ()
     undecided: tuple[str, ...] = ()
     doubtful: tuple[str, ...] = ()
+    undo: Callable[[PulseBlock], list[PulseBlock]] | None = dataclasses.field(
+        default=None, repr=False, compare=False)
 
     @property
     def focused(self) -> bool:
@@ -324,8 +328,7 @@ class _Tried:
         or upside down: which of them holds more is no matter of focus.
         """
         before = self.before
-        if (before.agreement <= NOISE
-                or before.contrast <= max(LEAST, _MIRRORED * self.result.contrast)):
+        if before.figure <= max(LEAST, _MIRRORED * self.result.contrast):
             return False
         mirrored = self.mistake.isometry or (
             self.mistake is ORDER and congruent(self.told, self.profiles))
@@ -418,7 +421,7 @@ def _explained(first: Coherence, found: _Tried, tried: list[_Tried]) -> Diagnosi
             f'{found.result.contrast:.2f}, and pulses agree {found.gain:.3g} times as well '
             f'({halves} times in what stands out of independent halves)'),
         gain=found.gain, sizes=found.mistake.sizes, n_tried=len({t.mistake.name for t in tried}),
-        alternatives=tuple(others))
+        alternatives=tuple(others), undo=found.mistake.undo)
 
 
 def _unexplained(block: PulseBlock, first: Coherence, doubts: tuple[str, ...]) -> Diagnosis:
@@ -536,8 +539,11 @@ class _Attempts:
         if not self._tells_slope:
             return None
         as_it_is = walk_scale(self._profiles, self._grid)
-        if _SLOPE in self.blind and as_it_is.n_scatterers >= _FEWEST_WALKING:
-            self.blind.remove(_SLOPE)
+        if as_it_is.n_scatterers >= _FEWEST_WALKING:
+            # a walk that is off by less may be a slope, or a track that is some per cent off
+            self.blind = [name for name in self.blind if name != _SLOPE]
+            if as_it_is.off(0.0, _REFUTES, _FEWEST_WALKING):
+                self.blind.append(_SLOPE)
         if not as_it_is.off(_WALK, _TELLS, _FEWEST_WALKING):
             return None
         factor = as_it_is.scale

@@ -168,13 +168,24 @@ def _untold(diagnosis: Diagnosis, found: bool) -> tuple[str, ...]:
 
 
 def _focused(block: PulseBlock, grid: MapGrid, window: str) -> tuple[list[Finding], Diagnosis]:
-    """What is said of phases of channels, and of the image with equal ones."""
+    """What is said of phases of channels, and of the image with equal ones.
+
+    Phases also follow from what is wrong with the places of channels. Where none are left without
+    another mistake, that is the one cause; where two are needed, what is sharper without both.
+    """
+    def focus(cured: PulseBlock) -> float:
+        return CoherenceProbe(resolved(grid, cured))(profiles_of(cured, window)).contrast
+
     off, equal = phase_findings(block, grid, window=window)
     diagnosis = diagnose(equal, grid, window=window, thorough=True)
-    if off:  # phases of channels may also follow from what is wrong with their places
-        as_they_are = diagnose(block, grid, window=window, thorough=True)
-        if as_they_are.mistake and as_they_are.corrected > diagnosis.corrected:
-            return [], as_they_are
+    as_they_are = diagnose(block, grid, window=window, thorough=True) if off else diagnosis
+    if off and as_they_are.undo:
+        right = max(as_they_are.undo(block), key=focus)
+        left, cured = phase_findings(right, grid, window=window)
+        more = 1.0 if diagnosis.mistake else BETTER  # a second cause has to gain as the first
+        if (not left or diagnosis.mistake == as_they_are.mistake
+                or focus(cured) > more * diagnosis.corrected):
+            return left, as_they_are
     return off, diagnosis
 
 

@@ -61,8 +61,11 @@ class LeverArm:
     arm_m : (3,) float64
         In the frame of the platform, metres, besides the one that the phase centres have; only
         in the directions that its turns tell.
+    told_m : (3,) float64
+        The part of it that is longer than its error: the rest is not felt.
     error_m : float
-        Error of its length, metres: what is not felt, and how odd and even pulses differ.
+        Error of the length of that part, metres: what is not felt, and how odd and even pulses
+        differ.
     n_directions : int
         How many these are.
     as_it_is, corrected : Coherence
@@ -70,6 +73,7 @@ class LeverArm:
     """
 
     arm_m: np.ndarray
+    told_m: np.ndarray
     error_m: float
     n_directions: int
     as_it_is: Coherence
@@ -91,7 +95,7 @@ class LeverArm:
 
     def finding(self, *, alone: bool = True, frame: str = 'platform') -> Finding:
         """What is said of it, `alone` unless another mistake explains the pulses as well."""
-        told = ', '.join(f'{value:+.2f}' for value in self.arm_m)
+        told = ', '.join(f'{value:+.2f}' for value in self.told_m)
         first = '' if alone else (
             'this arm or what else is named: either explains the blur on this track, so correct '
             'only one, and begin with the arm, which a ruler tells; ')
@@ -99,7 +103,7 @@ class LeverArm:
                       'turns tell ' + ('one direction' if self.n_directions == 1 else
                                        'two directions') + ' of it and not the rest')
         return Finding('lever arm', (
-            f'with the antenna {np.linalg.norm(self.arm_m):.2f} +- {self.error_m:.2f} m beside '
+            f'with the antenna {np.linalg.norm(self.told_m):.2f} +- {self.error_m:.2f} m beside '
             f'where it is said to be, by ({told}) m in the frame of the {frame}, the focus figure '
             f'{self.as_it_is.contrast:.2f} becomes {self.corrected.contrast:.2f} and pulses agree '
             f'{self.gain:.3g} times as well; {directions}'), first +
@@ -107,7 +111,7 @@ class LeverArm:
             'of, and give it as antenna.tx and antenna.rx of the node, or as '
             'alignment.lever_arm_m of `sar-imaging load`',
             'the arm as it is told, and all mistakes of positions and clocks',
-            LIKELY if alone else ONE_OF_SEVERAL, tuple(map(float, self.arm_m)))
+            LIKELY if alone else ONE_OF_SEVERAL, tuple(map(float, self.told_m)))
 
 
 def course(block: PulseBlock) -> Rotation | None:
@@ -175,8 +179,10 @@ def find_lever_arm(block: PulseBlock, attitude: Rotation, grid: MapGrid, *,
     odd, even = (_climbed(lambda arm, k=k: spread(arm, slice(k, None, 2)), best, blur_rad)
                  for k in (0, 1))
     error_m = np.hypot(_TOLD_RAD / blur_rad, (odd - even) / 2)
-    along = np.abs(best) / max(float(np.linalg.norm(best)), 1e-9)
-    return LeverArm(best @ directions, float(along @ error_m),
+    felt = np.abs(best) > error_m
+    told = best * felt if felt.any() else best
+    along = np.abs(told) / max(float(np.linalg.norm(told)), 1e-9)
+    return LeverArm(best @ directions, told @ directions, float(along @ error_m),
                     int(np.sum(blur_rad * _LONGEST_M > _BLURS_RAD)),
                     whole(profiles), whole(_moved(profiles, moves @ best)))
 

@@ -54,7 +54,7 @@ class WalkScale:
         if self.n_scatterers < max(n_least, 2):
             return False
         limit = stdtrit(self.n_scatterers - 1, (1 + confidence) / 2)
-        return abs(self.scale - 1) > max(least, limit * self.deviation)
+        return bool(abs(self.scale - 1) > max(least, limit * self.deviation))
 
 
 def walk_scale(profiles: PulseBlock, grid: MapGrid) -> WalkScale:

@@ -197,6 +197,22 @@ def test_phases_that_grow_along_an_array_are_no_error():
     assert phases[4] == pytest.approx(1.5, abs=0.05)
 
 
+@pytest.mark.parametrize('turn_rad', [0.0, 2.0])
+def test_phases_that_follow_from_another_mistake_are_not_named(turn_rad):
+    """Three channels along a track, said to lie across it, differ by 164 degrees or more."""
+    x = np.linspace(-0.1, 0.1, 120)
+    track = np.c_[x, 0.002 * np.sin(25 * x + 2.5), 0 * x]
+    block = recorded(track[:, None] + 0.003 * np.arange(-1, 2)[:, None] * [1.0, 0.0, 0.0])
+    turns = np.exp([[0], [1j * turn_rad], [0]]).astype(np.complex64)
+    block = dataclasses.replace(block, samples=block.samples * turns,
+                                tx_m=block.tx_m[..., [1, 0, 2]], rx_m=block.rx_m[..., [1, 0, 2]])
+    found = {finding.fault: finding for finding in examine(block, GRID).findings}
+    assert set(found) == {'x and y exchanged', *(['phases of channels'] if turn_rad else [])}
+    if turn_rad:  # 2 rad are 115 degrees
+        assert found['phases of channels'].evidence.endswith(('1 by +114 degrees',
+                                                              '1 by +115 degrees'))
+
+
 def turning(rms_deg) -> Rotation:
     """Attitude of a carriage that yaws, at 160 pulses."""
     yaw = np.sqrt(2) * np.sin(np.linspace(0, 9, 160))
@@ -277,6 +293,16 @@ def test_apertures_that_fill_a_plane():
     upright = line[:, None] + np.linspace(0, 0.02, 8)[:, None] * [0.0, 0.0, 1.0]
     assert fills_a_plane(recorded(raster())) and fills_a_plane(recorded(upright))
     assert not fills_a_plane(recorded(line[:, None])) and not fills_a_plane(recorded(arc()))
+
+
+def test_sharp_slice_of_a_volume_is_not_accused():
+    """Of its full array all but the scatterers cancels, so that groups agree less than noise.
+
+    Reversed positions show the volume upside down, in which more may lie.
+    """
+    case = family_case('volume', 150004)
+    found = diagnose(case.block, case.grid, thorough=True)
+    assert found.focused and not found.mistake
 
 
 def test_positions_reversed_are_those_of_a_mirrored_track_where_it_is_even():
