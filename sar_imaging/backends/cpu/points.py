@@ -242,11 +242,12 @@ def _project_points(profiles, tx, rx, tiles, image, work, illumination):
     """Threads take tiles in turn; `illumination` is None where all points are illuminated alike.
 
     What the loop does is a function of its own: Numba 0.68 loses a factor of the amplitudes where
-    a parallel loop itself takes named tuples apart.
+    a parallel loop itself takes named tuples apart. `group` has the type that it has where the
+    loop runs: Numba would compile the function for the signed one as well, which nothing calls.
     """
     n_groups = len(work.index) // TILE
     for group in numba.prange(n_groups):
-        _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, illumination)
+        _add_tiles(np.uint64(group), n_groups, profiles, tx, rx, tiles, image, work, illumination)
 
 
 @njit(distinct=True, error_model='numpy')
