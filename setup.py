@@ -59,7 +59,9 @@ arguments = dict(
                              'furo>=2025.7,<2027', 'sphinx-copybutton>=0.5.2,<0.6',
                              'sphinx-gallery>=0.18,<0.24', 'latex2mathml>=3.77,<4'],
                     # devices, see docs/gpu.md
-                    'cuda': ['cupy-cuda13x[ctk]>=14,<15', 'numba-cuda[cu13]>=0.20,<1'],
+                    # (numba-cuda 0.30 compiles nothing beside NumPy 2.5, which lacks row_stack)
+                    'cuda': ['cupy-cuda13x[ctk]>=14,<15', 'numba-cuda[cu13]>=0.20,<1',
+                             'numpy<2.5'],
                     'test': ['pytest>=7.4,<10', 'pytest-xdist>=3.7,<4', 'hypothesis>=6.80,<7']},
     entry_points={
         'console_scripts': [

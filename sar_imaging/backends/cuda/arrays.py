@@ -41,6 +41,7 @@ try:
                      cuda.cudadrv.error.NvvmError)
         # Both libraries use the same stream: nothing has to wait for its arrays.
         config.CUDA_ARRAY_INTERFACE_SYNC = False
+        config.CUDA_LOW_OCCUPANCY_WARNINGS = False  # of small images, at each launch
 except ImportError as error:
     raise DeviceError(f'{_INSTALL} ({str(error).splitlines()[0]})') from error
 
@@ -51,15 +52,29 @@ def require_device() -> None:
     Raises
     ------
     DeviceError
-        There is none, or its driver fails.
+        There is none, its driver fails, or the compiler of its kernels does.
     """
     if not SIMULATED:
         try:
             if not xp.cuda.runtime.getDeviceCount():
                 raise DeviceError(f'the CUDA driver finds no device; {_OTHER}')
-            xp.zeros(1)
-        except (*_OUT_OF_MEMORY, *_FAILURES) as error:
+            _run_first_kernel()
+        # A compiler that does not fit NumPy or the driver raises whatever it likes.
+        except Exception as error:
+            if isinstance(error, DeviceError):
+                raise
             raise DeviceError(f'the CUDA device cannot be used ({error}); {_OTHER}') from error
+
+
+@functools.cache
+def _run_first_kernel() -> None:
+    """Have the device fill an array with a compiled kernel."""
+    cuda.jit(_fill)[1, 1](xp.zeros(1, np.int32))
+    synchronise()
+
+
+def _fill(array) -> None:
+    array[0] = 1
 
 
 def reports_failures(work: Callable) -> Callable:

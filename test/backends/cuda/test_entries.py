@@ -67,4 +67,5 @@ def test_every_cost_is_the_devices_own():
     ours.pop('transferred_byte')
     methods = {n for n in theirs if n.startswith(('merged', 'gathered'))}  # not offered here
     higher = {n for n in theirs if ours[n] >= theirs[n]}
-    assert higher == methods | {'beam_path', 'image', 'lit_image', 'subaperture'}  # launches
+    assert higher == methods | {'beam_path', 'image', 'lit_image', 'subaperture',
+                                'upsampled_part'}  # launches

@@ -7,7 +7,7 @@ or as early as their marks allow while the device's work waits as long as it may
 import numpy as np
 import pytest
 
-from sar_imaging.backends.cuda.transfers import Copies, add_to_host, in_pieces
+from sar_imaging.backends.cuda.transfers import Copies, add_to_host, in_pieces, to_host
 
 PIECES = [slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 10)]
 
@@ -30,10 +30,17 @@ class LateCopies(Copies):
     def wait(self, end):
         if end is not None and self._begun[end] is not None:
             there, here = self._begun[end]
-            there[...] = here
+            _copy(there, here)
             self._begun[end] = None
 
     finish = wait
+
+
+def _copy(there, here):
+    if isinstance(there, np.ndarray):
+        there[...] = here
+    else:  # of a device
+        there.set(here)
 
 
 class LateWork(Copies):
@@ -48,7 +55,7 @@ class LateWork(Copies):
 
     def send(self, there, here, after):
         self.do(after)
-        there[...] = here
+        _copy(there, here)
 
     def do(self, count):
         for number in range(count):
@@ -67,7 +74,8 @@ def samples():
 def test_samples_are_there_when_they_are_read(samples, integers):
     if integers:
         samples = (1000 * samples.view(np.float32)).astype(np.int16).reshape(10, 4, 2)
-    found = [(piece, some.copy()) for piece, some in in_pieces(samples, PIECES, LateCopies())]
+    found = [(piece, to_host(some).copy())
+             for piece, some in in_pieces(samples, PIECES, LateCopies())]
     assert [piece for piece, _ in found] == PIECES
     assert found[0][1].dtype == samples.dtype
     np.testing.assert_array_equal(np.concatenate([some for _, some in found]), samples)
@@ -76,7 +84,7 @@ def test_samples_are_there_when_they_are_read(samples, integers):
 def test_samples_stay_until_the_device_has_read_them(samples):
     copies, found = LateWork(), []
     for _, some in in_pieces(samples, PIECES, copies):
-        copies.work.append(lambda some=some: found.append(some.copy()))
+        copies.work.append(lambda some=some: found.append(to_host(some).copy()))
     copies.do(len(PIECES))
     np.testing.assert_array_equal(np.concatenate(found), samples)
 
