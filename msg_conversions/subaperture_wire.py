@@ -6,6 +6,8 @@ format of pulse blocks: high/low pairs and limbs, strides in elements, the same 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from sar_imaging.geometry.grids import MapGrid
@@ -22,17 +24,17 @@ from .errors import WireFormatError
 from .layout import DEFAULT_MAX_ELEMENTS, Dims, Layout, as_floats, check_finite, check_magic
 
 MAGIC = 0x534149  # 'SAI' in ASCII, exact in a float32
-VERSION = 6
+VERSION = 7
 LAYOUT = Layout(('angle', 'range'), content='pixels', unit='image')
 
-# Header of version 6; its even length keeps the pixels 8-byte aligned.
+# Header of version 7; its even length keeps the pixels 8-byte aligned.
 HEADER_LENGTH = 144
 SIDE = 3
 STAMP = slice(4, 8)
 LIMBS = slice(8, 42)  # COUNTS, then the sizes
 SIZES = ('n_alpha', 'n_range', 'n_fine', 'n_fine_range', 'n_x', 'n_y')
 NUMBERS = slice(42, 90)
-ENDS_KNOWN, POINTING_KNOWN, WEIGHTED = 90, 91, 92
+ENDS_KNOWN, POINTING_KNOWN, WEIGHTED, ERROR_UNKNOWN = 90, 91, 92, 93
 CHANNELS = slice(94, 96)
 ENDS = slice(96, 144)
 
@@ -81,8 +83,10 @@ def preamble(subaperture: SubapertureImage) -> np.ndarray:
              target.n_y)
     header[LIMBS] = [limb for n in (*counts, *sizes)
                      for limb in float_pairs.split_limbs(int(n), 2)]
+    error_db = subaperture.predicted_error_db
+    header[ERROR_UNKNOWN] = math.isnan(error_db)
     header[NUMBERS] = float_pairs.split_double([
-        fusion.carrier_hz, subaperture.bandwidth_hz, subaperture.predicted_error_db,
+        fusion.carrier_hz, subaperture.bandwidth_hz, 0.0 if math.isnan(error_db) else error_db,
         *polar.origin_m, *polar.track, polar.z_m, polar.range_start_m, polar.range_spacing_m,
         polar.alpha_start, polar.alpha_spacing, fusion.n_guard, fusion.beta, fusion.half_range,
         fusion.range_oversampling, subaperture.centre_m, *target.centre_m, target.spacing_m,
@@ -178,7 +182,7 @@ def _check_header(header: np.ndarray) -> None:
     if values[SIDE] not in (-1, 1):
         raise WireFormatError(f'side (data[{SIDE}]) is {values[SIDE]:g}; expected +1, left of the '
                               'track, or -1, right of it; see docs/wire_format.md')
-    for flag in (ENDS_KNOWN, POINTING_KNOWN, WEIGHTED):
+    for flag in (ENDS_KNOWN, POINTING_KNOWN, WEIGHTED, ERROR_UNKNOWN):
         if values[flag] not in (0, 1):
             raise WireFormatError(f'flag data[{flag}] is {values[flag]:g}; expected 0 or 1; see '
                                   'docs/wire_format.md')
@@ -207,7 +211,8 @@ def _read(header: np.ndarray, image: np.ndarray) -> SubapertureImage:
                             alpha_oversampling, speed)
         return SubapertureImage(
             image, fusion, centre_m, MapGrid((x, y, z), n_x, n_y, spacing_m), bandwidth_hz,
-            stamp_ns=float_pairs.join_int64(header[STAMP]), predicted_error_db=error_db,
+            stamp_ns=float_pairs.join_int64(header[STAMP]),
+            predicted_error_db=math.nan if header[ERROR_UNKNOWN] else error_db,
             ends=_read_ends(header), **numbers)
     except ValueError as error:
         raise WireFormatError(f'header of the sub-aperture image is impossible: {error}; correct '

@@ -116,8 +116,9 @@ class BackprojectionStep(LiveStep):
                 *focus_watch.DIAGNOSIS_COUNTERS, *autofocus.COUNTERS,
                 *image_brightness.COUNTERS,
                 *obstacle_products.COUNTERS, *volume_cloud.COUNTERS)
-    FAULTS = ('pulses_missing', 'pulses_late', 'pulses_duplicate', 'apertures_dropped',
-              'restarts', UNTAKEN, *image_brightness.FAULTS, *obstacle_products.FAULTS)
+    FAULTS = ('pulses_missing', 'pulses_late', 'pulses_duplicate', 'pulses_corrupt',
+              'apertures_dropped', 'restarts', UNTAKEN, *image_brightness.FAULTS,
+              *obstacle_products.FAULTS)
     STATISTICS = {'pulses_imaged': 'imaged', 'pulses_late': 'late',
                   'pulses_duplicate': 'duplicate', 'apertures_dropped': 'apertures_dropped',
                   'restarts': 'restarts'}

@@ -61,8 +61,8 @@ class MovingTargetsStep(LiveStep):
     COUNTERS = ('apertures_searched', 'targets_found', 'pulses_used',
                 'pulses_missing_in_last_aperture', 'pulses_skipped', 'last_search_seconds',
                 'search_latency_seconds')
-    FAULTS = ('pulses_missing', 'pulses_late', 'pulses_duplicate', 'apertures_dropped',
-              'restarts')
+    FAULTS = ('pulses_missing', 'pulses_late', 'pulses_duplicate', 'pulses_corrupt',
+              'apertures_dropped', 'restarts')
     STATISTICS = {'pulses_used': 'imaged', 'pulses_late': 'late', 'pulses_duplicate': 'duplicate',
                   'apertures_dropped': 'apertures_dropped', 'restarts': 'restarts'}
     WORK = 'search'

@@ -59,7 +59,7 @@ class RangeCompressionStep(Step):
     NAME = 'range_compression'
     PARAMETERS = PARAMETERS
     COUNTERS = ('blocks_compressed', 'plans_made')
-    FAULTS = (UNTAKEN,)
+    FAULTS = ('pulses_corrupt', UNTAKEN)
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)

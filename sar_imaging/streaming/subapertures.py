@@ -317,7 +317,7 @@ class LiveSubapertures(ApertureSequence):
             if (newest + 1 < max(least, _LEAST_PULSES) and self._previous is None
                     and not closing):
                 return []
-            if not self._targets[-1].refused:
+            if not (self._targets[-1].refused or self._targets[-1].waits):
                 self._make_plan(self._targets[-1])  # chooses the cut, unless it refuses
         results = []
         while self._cut:  # the plan of an image may cut the aperture anew
@@ -337,7 +337,7 @@ class LiveSubapertures(ApertureSequence):
     def _image(self, target: Target, aperture: AperturePulses, number: int
                ) -> list[SubapertureImage]:
         """Image one sub-aperture, or all so far where the plan does not suit it."""
-        if target.stage is None and not target.refused:
+        if target.stage is None and not (target.refused or target.waits):
             self._make_plan(target)
         if target.refused or target.waits:
             return []
@@ -435,7 +435,8 @@ class LiveSubapertures(ApertureSequence):
                     raise
                 target.stage = self._stage_for(target, 0, slack)
         except ValueError as error:
-            if target.revision and slack:
+            # What was foreseen by the aperture before may not suit where the flight itself does.
+            if slack and (target.revision or self._previous is not None):
                 self._wait(target)
                 return
             target.refused, target.stage, self._cut = True, None, self._wanted_cut

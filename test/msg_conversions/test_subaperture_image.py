@@ -170,6 +170,13 @@ def test_values_do_not_drift_from_stage_to_stage(sent):
     assert (again.fusion, again.map_grid) == (once.fusion, once.map_grid)
 
 
+def test_an_unknown_error_comes_through():
+    """Profiles that cover no pixel for all pulses leave no error to tell."""
+    data, dims, offset = wire.to_array(make_image(predicted_error_db=math.nan))
+    assert np.isfinite(data).all()
+    assert math.isnan(wire.from_array(data, dims, offset).predicted_error_db)
+
+
 @given(sent=images())
 def test_handed_over_directly_is_as_received(sent):
     direct, received = wire.as_received(sent), wire.from_array(*wire.to_array(sent))
@@ -183,7 +190,7 @@ def test_layout_is_the_documented_one():
     data, dims, offset = wire.to_array(sent)
     assert dims == [('angle', 2, 12), ('range', 3, 6), ('iq', 2, 2)]
     assert offset == 144
-    assert data[:8].tolist() == [5456201, 6, 144, -1, 0xCDEF, 0x89AB, 0x4567, 0x0123]
+    assert data[:8].tolist() == [5456201, 7, 144, -1, 0xCDEF, 0x89AB, 0x4567, 0x0123]
     assert data[8:28].tolist() == [0xBEEF, 0xDEAD, 8, 7, 2, 0, 2, 1, 3, 0, 5, 0, 4, 0, 1, 0xFFFF,
                                    60, 0, 4, 5]
     assert data[28:30].tolist() == [0x15, 0x16]
@@ -232,7 +239,7 @@ MALFORMED = {
     'no header': (lambda d, m, o: (d[o:], m, 0), 'data_offset=0; expected 144: the length'),
     'absurd offset': (lambda d, m, o: (d, m, 2**32 - 1), 'data_offset=4294967295; expected 144'),
     'wrong magic': (edited(0, 5456210), 'magic number 5456201; .* carry sub-aperture images'),
-    'wrong version': (edited(1, 2), 'format version is 2; expected 6'),
+    'wrong version': (edited(1, 2), 'format version is 2; expected 7'),
     'wrong header length': (edited(2, 48), 'header length is 48 floats; expected 144'),
     'no side': (edited(3, 0), r'side \(data\[3\]\) is 0; expected \+1'),
     'fractional side': (edited(3, 0.5), r'side \(data\[3\]\) is 0.5'),

@@ -248,7 +248,7 @@ def test_a_changed_configuration_flushes_and_begins_anew(change):
     assert len(texts(buffer, 'configuration')) == 1
 
 
-@pytest.mark.parametrize('value', [np.nan, np.inf, 1e25])
+@pytest.mark.parametrize('value', [np.nan, np.inf, 1e25, 1e15])
 def test_pulses_with_impossible_samples_are_dropped_and_missing(value):
     buffer = PulseBuffer(pulses_per_aperture=64, reorder_window_pulses=0)
     block = make_block(range(64))

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from msg_conversions.subaperture_wire import as_received
 from sar_imaging.streaming.fusion import LiveFusion
 
 from .conftest import (
@@ -68,6 +69,22 @@ def test_the_end_of_a_track_that_cannot_be_foreseen_is_awaited(make_case):
     assert result.n_pulses == LENGTH
     error = error_db(result.image, exact_of(case, slice(None)))
     assert error <= result.predicted_error_db + 3.0
+
+
+def test_a_damaged_position_costs_its_own_aperture_alone(fly):
+    """A byte of an exponent puts a phase centre far below the ground; the next is foreseen by it.
+
+    No pixel has a range within all profiles then, so that the error is not known.
+    """
+    case = fly(n_pulses=3 * LENGTH)
+    tx_m = case.block.tx_m.copy()
+    tx_m[LENGTH + 50, 0, 2] -= 131_072.0
+    stage = make_stage(case, pulses_per_subaperture=CUT)
+    images = fuse(LiveFusion(), map(as_received, subapertures_of(stage, pieces_of(
+        dataclasses.replace(case.block, tx_m=tx_m)))))
+    whole = {i.aperture: i for i in images}
+    assert {0, 2} <= set(whole)
+    assert error_db(whole[2].image, exact_of(case, slice(2 * LENGTH, 3 * LENGTH))) <= -60.0
 
 
 def _legs(case, starts, length=LENGTH):

@@ -10,6 +10,7 @@ from std_msgs.msg import Float32MultiArray
 
 from msg_conversions import pulse_block, subaperture_image
 from sar_imaging.signal.pulses import PulseBlock
+from sar_imaging.signal.pulses.block import sound_pulses
 from sar_imaging.signal.pulses.sequence import COUNTER_MASK, describe_range
 from sar_imaging.streaming.subaperture_image import SubapertureImage
 
@@ -51,6 +52,10 @@ class Inlet(abc.ABC):
     def describe(item) -> str:
         """The item in words."""
 
+    def sound(self, item) -> tuple[object, list[int]]:
+        """The item without corrupt pulses, and the counters of these."""
+        return item, []
+
     @abc.abstractmethod
     def apertures(self, item) -> np.ndarray:
         """Numbers of the apertures that an item belongs to, one for each of its parts."""
@@ -76,7 +81,12 @@ class Inlet(abc.ABC):
 class PulseBlocks(Inlet):
     """Pulse blocks, raw or compressed; each pulse is a part."""
 
-    read = staticmethod(pulse_block.from_message)
+    read = staticmethod(functools.partial(pulse_block.from_message, finite=False))
+
+    def sound(self, item: PulseBlock) -> tuple[PulseBlock, list[int]]:
+        """The block without pulses that would spoil an image, and the counters of these."""
+        good = sound_pulses(item.samples)
+        return (item, []) if good.all() else (item.select(good), item.counter[~good].tolist())
 
     @staticmethod
     def n_pulses(item: PulseBlock) -> int:
@@ -118,9 +128,9 @@ class PulseBlocks(Inlet):
 
 
 class UncheckedPulses(PulseBlocks):
-    """The same for a step that drops pulses whose samples are not finite, and these alone."""
+    """The same for a step that drops corrupt pulses itself."""
 
-    read = staticmethod(functools.partial(pulse_block.from_message, finite=False))
+    sound = Inlet.sound
 
 
 class SubapertureImages(Inlet):

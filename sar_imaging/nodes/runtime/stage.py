@@ -27,6 +27,8 @@ from msg_conversions.wire import DEFAULT_MAX_ELEMENTS
 from ...backends import DeviceError
 from ...compilation import counted, interruptible
 from ...configuration.datum import NONE, SOURCES, configured_datum
+from ...signal.pulses.block import CORRUPT
+from ...signal.pulses.sequence import describe_counters
 from .health import REJECTION, Cause, Rates
 from .inlet import Inlet
 from .input_watch import CAUSES, InputWatch
@@ -275,10 +277,16 @@ class Stage(ManagedNode):
         self._watch.arrived()
         self.health.count('blocks_received')
         try:
-            item = self._inlet.read(message, max_elements=self.parameters['max_message_elements'])
+            item, corrupt = self._inlet.sound(self._inlet.read(
+                message, max_elements=self.parameters['max_message_elements']))
         except WireFormatError as error:
             self._reject('a message', error)
             return
+        if corrupt:
+            self._healths[self.STEPS[0]].count('pulses_corrupt', len(corrupt))
+            self.health.warning(f'{CORRUPT}: {describe_counters(corrupt)}')
+            if not self._inlet.n_pulses(item):
+                return
         self._rates.add(self._inlet.n_pulses(item), 4 * len(message.data))
         self._worker.offer(item, time.monotonic())
         if self._worker.look():  # not a second later

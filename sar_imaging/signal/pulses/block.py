@@ -13,6 +13,9 @@ from ...geometry.track import mean_centres
 from ..radar import RadarParameters
 from .sequence import COUNTER_MASK, describe_counters
 
+# An image adds up to a million echoes, and its power is a float32, too.
+_MOST_ENERGY = float(np.finfo(np.float32).max) / 2.0**40
+CORRUPT = f'dropped pulses with samples that are not finite numbers below {_MOST_ENERGY**0.5:.0e}'
 _MOST_SECONDS = 1e11  # of times since any epoch
 
 
@@ -127,6 +130,16 @@ def check_positions(tx_m: np.ndarray, rx_m: np.ndarray) -> None:
     raise ValueError(f'phase centres of {np.count_nonzero(bad)} of {len(bad)} pulses contain NaN '
                      f'or infinity (pulses {describe_counters(np.flatnonzero(bad).tolist())} of '
                      'the block); every pulse needs a finite transmit and receive position')
+
+
+def sound_pulses(samples: np.ndarray) -> np.ndarray:
+    """(P,) bool: pulses that images may be made of; one of another kind would spoil all of it.
+
+    Their energy, of samples (P, C, N) complex64, is a finite number and so is that of an image.
+    """
+    values = np.ascontiguousarray(samples).view(np.float32)
+    with np.errstate(over='ignore', invalid='ignore'):
+        return np.einsum('pcn,pcn->p', values, values) < _MOST_ENERGY
 
 
 def check_samples(samples: np.ndarray, counter: np.ndarray) -> None:

@@ -7,7 +7,7 @@ import dataclasses
 
 import numpy as np
 
-from .block import PulseBlock, concatenate
+from .block import CORRUPT, PulseBlock, concatenate, sound_pulses
 from .sequence import (
     COUNTER_MASK,
     EventSource,
@@ -175,15 +175,10 @@ class PulseBuffer(EventSource):
         return emitted
 
     def _without_corrupt_pulses(self, block: PulseBlock) -> PulseBlock:
-        """Drop pulses whose energy is not a finite number: one would spoil the whole image."""
-        values = np.ascontiguousarray(block.samples).view(np.float32)
-        with np.errstate(over='ignore', invalid='ignore'):
-            energy = np.einsum('pcn,pcn->p', values, values)
-        good = np.isfinite(energy)
+        good = sound_pulses(block.samples)
         if good.all():
             return block
-        self._count('corrupt', [int(c) for c in block.counter[~good]],
-                    'dropped pulses with samples that are not finite numbers')
+        self._count('corrupt', [int(c) for c in block.counter[~good]], CORRUPT)
         return block.select(good)
 
     def _follow(self, verdict: Verdict) -> list[PulseBlock]:

@@ -83,7 +83,7 @@ def test_lost_repeated_swapped_and_broken_blocks(make_chain, spotlight):
     for text in ('pulses 50..74 missing (25)', 'pulses 100..124 missing (25)',
                  'pulses 222..223 missing (2)', 'pulses 230 missing (1)',
                  'dropped duplicate pulses: 75..99 (25)',
-                 'not finite numbers: 222..223 (2)', 'not finite numbers: 230 (1)',
+                 'below 2e+13: 222..223 (2)', 'below 2e+13: 230 (1)',
                  'magic number'):
         assert text in log
     assert log.count('rejected a message of /pulses: ') == 2
@@ -91,6 +91,25 @@ def test_lost_repeated_swapped_and_broken_blocks(make_chain, spotlight):
                        r'aperture 0: 78 pulses, missing 50\.\.74, 100\.\.124 \(50\)')
     chain.wait_for_log('backprojection',
                        r'aperture 1: 125 pulses, missing 222\.\.223, 230 \(3\)')
+
+
+@pytest.mark.parametrize('value', [np.nan, 1e15])
+def test_corrupt_profiles_cost_their_pulse_alone(start_node, make_observer, psf, value):
+    """Of a range compression of one's own: nothing else has looked at them before."""
+    blocks = psf.blocks(25)
+    samples = blocks[1].samples.copy()
+    samples[4, 0, 3] = value
+    blocks[1] = dataclasses.replace(blocks[1], samples=samples)
+    node = start_node('backprojection', parameters_from_truth(psf.truth)['backprojection'])
+    observer = make_observer('range_profiles')
+    observer.wait(lambda: observer.joined, 'a subscriber of the profiles')
+    observer.send(blocks)
+    image = complex_from_message(observer.wait_for('image_complex', 1)[0])
+    grid = map_metadata_from_message(observer.wait_for('map_metadata', 1)[0])
+    others = np.setdiff1d(np.arange(200), [29])
+    assert psf.error_db(image, grid, others) < LARGEST_ERROR_DB
+    observer.wait_for_counters('backprojection', pulses_corrupt=1, blocks_rejected=0)
+    node.wait_for_log('backprojection', r'numbers below 2e\+13: 29 \(1\)')
 
 
 def test_any_node_killed_and_restarted_while_the_others_live_on(make_chain, psf):
