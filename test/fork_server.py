@@ -30,7 +30,12 @@ ROOT = Path(__file__).resolve().parents[1]
 NODES = ('afbp_fusion', 'backprojection', 'moving_targets', 'pulse_buffer', 'radar_driver',
          'range_compression', 'sar_pipeline')
 LOADED = (*(f'sar_imaging.nodes.{name}' for name in NODES), 'sar_imaging.tools.evaluate')
-LOADED_LATER = ('matplotlib.figure', 'matplotlib.backends.backend_agg', 'rosbags.highlevel')
+LOADED_LATER = (
+    'matplotlib.figure', 'matplotlib.backends.backend_agg', 'PIL.JpegImagePlugin',
+    'rosbags.highlevel', 'rosbags.typesys.stores.ros2_jazzy',
+    'rosidl_generator_py.import_type_support_impl', 'sar_imaging.backends.cpu.backprojection',
+    'sar_imaging.backends.cpu.beams', 'sar_imaging.backends.cpu.beforehand',
+    'sar_imaging.backends.cpu.fusion', 'sar_imaging.imaging.exact')
 # Read where a node is made, or by pytest alone; all others may be read while libraries are loaded.
 READ_LATER = ('ROS_', 'FASTRTPS_', 'PYTEST_')
 
