@@ -77,7 +77,7 @@ def direct_image(bag, first, stop):
     return image.samples
 
 
-RUNS = {'exact': (PSF,),
+RUNS = {'exact': (None,),
         'pipeline': (PSF, '--pipeline'),
         'subapertures': (PSF, '--mode', 'subapertures'),
         'real time': (SPOTLIGHT, '--aperture', 0, '--rate', 4),
@@ -85,6 +85,7 @@ RUNS = {'exact': (PSF,),
         'few pulses': (None, '--timeout', 2),
         'millimetres': (None,),
         'conjugated': (None, '--mode', 'subapertures')}
+DATUM = Datum(-12.25, 45.5, 1300.0, heading_deg=77.0)
 MISTAKES = {
     'millimetres': lambda b: dataclasses.replace(b, tx_m=1000 * b.tx_m, rx_m=1000 * b.rx_m),
     'conjugated': lambda b: dataclasses.replace(b, samples=b.samples.conj())}
@@ -94,8 +95,9 @@ MISTAKES = {
 def runs(evaluate, tmp_path_factory):
     """Output folder and process of several evaluations, a few at a time: much of it is waiting."""
     folder = tmp_path_factory.mktemp('evaluate')
-    few = [next(bag_io.read_blocks(PSF))]
-    bag_io.write_bag(folder / 'few', few, bag_io.read_truth(PSF))
+    truth, blocks = bag_io.read_truth(PSF), list(bag_io.read_blocks(PSF))
+    bag_io.write_bag(folder / 'few pulses bag', blocks[:1], truth)
+    bag_io.write_bag(folder / 'exact bag', blocks, truth | {'datum': dataclasses.asdict(DATUM)})
     for name, mistake in MISTAKES.items():
         bag_io.write_bag(folder / f'{name} bag', map(mistake, bag_io.read_blocks(SPOTLIGHT)),
                          bag_io.read_truth(SPOTLIGHT))
@@ -106,9 +108,8 @@ def runs(evaluate, tmp_path_factory):
     def run(name):
         bag, *options = RUNS[name]
         return folder / name, evaluate(
-            bag or folder / (f'{name} bag' if name in MISTAKES else 'few'),
-            '--output', folder / name, '--launch-nodes', *options,
-            environment=os.environ | {'ROS_DOMAIN_ID': str(domains[name])})
+            bag or folder / f'{name} bag', '--output', folder / name, '--launch-nodes',
+            *options, environment=os.environ | {'ROS_DOMAIN_ID': str(domains[name])})
 
     with concurrent.futures.ThreadPoolExecutor(3) as pool:
         return dict(zip(RUNS, pool.map(run, RUNS), strict=True))
@@ -195,16 +196,12 @@ def test_other_ways_to_the_image(run, runs, way, image_nodes, largest_error_db):
 
 
 @nodes
-def test_a_recording_with_a_datum_tells_where_peaks_are_on_the_earth(evaluate, tmp_path):
-    datum = Datum(-12.25, 45.5, 1300.0, heading_deg=77.0)
-    truth = bag_io.read_truth(PSF) | {'datum': dataclasses.asdict(datum)}
-    bag_io.write_bag(tmp_path / 'bag', bag_io.read_blocks(PSF), truth)
-    result = evaluate(tmp_path / 'bag', '--output', tmp_path / 'out', '--launch-nodes')
-    assert result.returncode == 0, result.stderr
-    [s] = quality_of(tmp_path / 'out')['scatterers']
+def test_a_recording_with_a_datum_tells_where_peaks_are_on_the_earth(run):
+    [s] = quality_of(run[0])['scatterers']
     place = [s[f'peak_{name}'] for name in ('latitude_deg', 'longitude_deg', 'height_m')]
-    expected = [s['peak_x_m'], s['peak_y_m'], truth['grid']['centre_m'][2]]
-    np.testing.assert_allclose(datum.from_geographic(*place), expected, rtol=0, atol=1e-6)
+    height_m = bag_io.read_truth(PSF)['grid']['centre_m'][2]
+    np.testing.assert_allclose(DATUM.from_geographic(*place),
+                               [s['peak_x_m'], s['peak_y_m'], height_m], rtol=0, atol=1e-6)
 
 
 @nodes
@@ -283,21 +280,19 @@ def test_nodes_in_a_namespace_are_used_twice_and_a_different_grid_is_told(evalua
     radar = ['--namespace', 'fleet/radar1']
     with NodeProcesses(parameters_from_truth(truth), tmp_path / 'log', environment,
                        namespace=radar[1]):
-        for name in ('one', 'two'):
-            result = evaluate(PSF, '--output', tmp_path / name, *radar, environment=environment)
+        told = []
+        for bag, name in ((PSF, 'one'), (without_truth(tmp_path), 'two')):
+            result = evaluate(bag, '--output', tmp_path / name, *radar, environment=environment)
             assert result.returncode == 0, result.stderr
-            assert 'warning: the nodes image' in result.stderr
-            quality = quality_of(tmp_path / name)
-            assert quality['pulses_received'] == 200  # counters of this run alone
-            assert np.load(tmp_path / name / 'image.npy').shape == (201, 41)
-            [s] = quality['scatterers']
-            assert s['irw_range_m'] == pytest.approx(0.8859 * 0.49965, rel=0.02)
-        result = evaluate(without_truth(tmp_path), '--output', tmp_path / 'three', *radar,
-                          environment=environment)
-        assert result.returncode == 0, result.stderr
-        assert quality_of(tmp_path / 'three')['scatterers'] == []
-        np.testing.assert_array_equal(np.load(tmp_path / 'three' / 'image.npy'),
-                                      np.load(tmp_path / 'two' / 'image.npy'))
+            told.append(quality_of(tmp_path / name))
+            assert told[-1]['pulses_received'] == 200  # counters of this run alone
+            assert ('warning: the nodes image' in result.stderr) == (bag == PSF)
+    assert np.load(tmp_path / 'one' / 'image.npy').shape == (201, 41)
+    np.testing.assert_array_equal(np.load(tmp_path / 'two' / 'image.npy'),
+                                  np.load(tmp_path / 'one' / 'image.npy'))
+    [s] = told[0]['scatterers']
+    assert s['irw_range_m'] == pytest.approx(0.8859 * 0.49965, rel=0.02)
+    assert told[1]['scatterers'] == []
 
 
 def without_truth(folder):
