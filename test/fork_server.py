@@ -51,8 +51,9 @@ def libraries_see(environment):
 class Forks:
     """Starts processes by the server that listens at an address."""
 
-    def __init__(self, address):
+    def __init__(self, address, server=None):
         self._address, self._environment = str(address), libraries_see(os.environ)
+        self._server = server
 
     def popen(self, command, *, env, **options):
         """What `subprocess.Popen` does; a fork where that is the same."""
@@ -77,6 +78,11 @@ class Forks:
             return subprocess.CompletedProcess(command, process.returncode, *(
                 file.read() for file in files))
 
+    def running(self):
+        """Numbers of the forks that have not ended; with /proc alone."""
+        lists = Path(f'/proc/{self._server}/task').glob('*/children')
+        return {int(number) for path in lists for number in path.read_text().split()}
+
     def take_over(self, set_attribute=setattr):
         """Let `NodeProcesses` start nodes so."""
         set_attribute(node_processes, 'subprocess',
@@ -91,7 +97,7 @@ def running(folder):
                           stdout=subprocess.PIPE,
                           env=os.environ | {'PYTHONPATH': str(ROOT)}) as server:
         assert server.stdout.readline() == b'listens\n'
-        yield Forks(address)
+        yield Forks(address, server.pid)
 
 
 class Fork:

@@ -8,7 +8,6 @@ import os
 import re
 import shutil
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -352,23 +351,22 @@ def test_absent_nodes_are_named(evaluate, tmp_path):
 @pytest.mark.skipif(not Path('/proc').is_dir(), reason='finds the child processes in /proc')
 @pytest.mark.parametrize('number, moment', [(signal.SIGINT, 'replaying'),
                                             (signal.SIGTERM, 'waiting for the nodes')])
-def test_interruption_ends_the_nodes(tmp_path, number, moment):
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'sar_imaging.tools.evaluate', str(SPOTLIGHT), '--output',
-         str(tmp_path), '--launch-nodes', '--rate', '0.01'], cwd=ROOT, text=True,
-        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
-    text = ''
-    while moment not in text:  # at this rate the replay takes five minutes
-        text += process.stderr.read(1)
-        assert process.poll() is None, text
-    tasks = Path(f'/proc/{process.pid}/task').iterdir()
-    children = [int(c) for task in tasks for c in (task / 'children').read_text().split()]
-    assert len(children) == 3
-    process.send_signal(number)
-    text += process.communicate(timeout=60)[1]
-    assert process.returncode == 130
+def test_interruption_ends_the_nodes(fork_server, tmp_path, number, moment):
+    read, write = os.pipe()
+    with open(read) as stderr:
+        with open(write, 'w') as told, open(os.devnull, 'w') as nowhere:
+            process = fork_server.popen(
+                [sys.executable, '-m', 'sar_imaging.tools.evaluate', str(SPOTLIGHT), '--output',
+                 str(tmp_path), '--launch-nodes', '--rate', '0.01'], cwd=ROOT, env=os.environ,
+                stdout=nowhere, stderr=told)
+        text = ''
+        while moment not in text:  # at this rate the replay takes five minutes
+            text += stderr.read(1)
+            assert process.poll() is None, text
+        nodes = fork_server.running() - {process.pid}
+        assert len(nodes) == 3
+        process.send_signal(number)
+        text += stderr.read()
+    assert process.wait(timeout=60) == 130
     assert text.endswith('interrupted; nothing was written\n') and 'Traceback' not in text
-    for child in children:
-        with pytest.raises(ProcessLookupError):
-            os.kill(child, 0)
+    assert not nodes & fork_server.running()
