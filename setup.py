@@ -76,6 +76,7 @@ arguments = dict(
             'simulate = sar_imaging.tools.simulate:main',
             'simulate_archive = sar_imaging.tools.simulate_archive:main',
             'compile_kernels = sar_imaging.tools.compile_kernels:main',
+            'environment = sar_imaging.tools.environment:main',
             'measure_costs = sar_imaging.tools.measure_costs:main',
             'check_config = sar_imaging.tools.check_config:main',
             'evaluate = sar_imaging.tools.evaluate:main',

@@ -222,9 +222,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(json.dumps(measure(given.case, rounds=1), indent=2))
         return 0
     begun, names = time.perf_counter(), (*SMALL, LIVE_SMALL, RAW_SMALL) if given.small else NAMES
-    from sar_imaging.backends.cuda.arrays import device_name
-
-    found = {'device': device_name(), 'machine': machine(), 'cases': {}, 'left_out': list(names)}
+    found = {'device': backend('cuda').device_name(), 'machine': machine(), 'cases': {},
+             'left_out': list(names)}
     for name in names:
         if time.perf_counter() - begun > given.limit:
             break

@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 import sar_imaging
+from sar_imaging.tools import environment
 from sar_imaging.tools.command import COMMANDS
 
 ROOT = pathlib.Path(__file__).parent.parent
@@ -174,6 +175,18 @@ def test_extras_are_what_make_installs():
         missing = {*extras[extra]} - {*lines, 'sar_imaging[formats]'}
         assert not missing, f'requirements-{extra}.txt lacks {missing}'
     assert 'sar_imaging[formats]' in extras['archive']
+
+
+def test_versions_of_all_requirements_are_told_of_a_machine():
+    setup = _setup_keywords()
+    extras = [name for extra in ('formats', 'archive', 'hdf5', 'cuda')
+              for name in setup['extras_require'][extra]]
+
+    def names(requirements):
+        return {re.match(r'[\w-]+', requirement).group() for requirement in requirements}
+
+    assert set(environment.REQUIRED) == names(setup['install_requires'])
+    assert set(environment.OPTIONAL) == names(extras) - {'sar_imaging', 'numcodecs', 'numpy'}
 
 
 def test_executables_exist():

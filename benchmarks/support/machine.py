@@ -3,21 +3,11 @@
 from __future__ import annotations
 
 import os
-import pathlib
 import platform
 
 import numpy as np
 
-
-def cpu_model() -> str:
-    """Name of the processor."""
-    try:
-        for line in pathlib.Path('/proc/cpuinfo').read_text().splitlines():
-            if line.startswith('model name'):
-                return line.split(':', 1)[1].strip()
-    except OSError:
-        pass  # not Linux
-    return platform.processor() or platform.machine()
+from sar_imaging.tools.environment import cpu_model
 
 
 def machine() -> dict[str, str | int]:

@@ -25,6 +25,7 @@ COMMANDS = {
     ('info',): 'exchange.info',
     ('compile',): 'compile_kernels',
     ('measure-costs',): 'measure_costs',
+    ('env',): 'environment',
     ('load',): 'load',
     ('archive',): 'archive.archive',
     ('image',): 'products.image',

@@ -12,7 +12,7 @@ _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'subapertur
             'SpectrumFusion': 'fusion', 'ApertureFusion': 'subapertures',
             'form_map': 'fusion', 'seconds': 'costs', 'device_costs': 'costs',
             'compress': 'transfers', 'to_device': 'transfers',
-            'to_host': 'transfers', 'synchronise': 'arrays',
+            'to_host': 'transfers', 'synchronise': 'arrays', 'device_name': 'arrays',
             'DEFAULT': 'costs', 'VARIABLE': 'costs', 'TrialImages': 'points'}
 
 

@@ -1,0 +1,24 @@
+"""What a report of a fault tells of a machine."""
+
+import platform
+
+import numpy as np
+
+from sar_imaging.tools import environment
+
+
+def test_versions_and_variables_are_told(monkeypatch, capsys):
+    monkeypatch.setenv('NUMBA_NUM_THREADS', '2')
+    monkeypatch.setenv('SECRET', 'of nobody')
+    assert environment.main([]) == 0
+    told = capsys.readouterr().out
+    assert platform.python_version() in told and f'numpy {np.__version__}' in told
+    assert 'NUMBA_NUM_THREADS=2' in told and 'SECRET' not in told
+
+
+def test_what_is_not_installed_is_told(monkeypatch, capsys):
+    monkeypatch.setattr(environment, 'OPTIONAL', ('no-such-distribution',))
+    monkeypatch.setattr(environment.importlib.util, 'find_spec', lambda name: None)
+    assert environment.main([]) == 0
+    told = capsys.readouterr().out
+    assert 'no-such-distribution not installed' in told and 'rclpy is not installed' in told
