@@ -28,8 +28,9 @@ from ..imaging.methods import EXACT
 from ..memory import granting
 from ..planning.costs import DEFAULT, using
 from ..radiometry import BrightnessScale
-from ..recordings.bag_io import BagError, deserialise, raw_messages
+from ..recordings.bag_io import BagError, raw_messages
 from ..recordings.kinds import CPHD
+from ..recordings.recording import each_once
 from ..signal.pulses import PulseBlock, concatenate
 from ..signal.range_compression import RangeCompressor
 from .division import BLOCK_SHARE, room_bytes
@@ -141,28 +142,10 @@ class ApertureProfiles:
 
     def _recorded(self) -> Iterator[tuple[np.ndarray, PulseBlock]]:
         """The same of a recording, whose messages may come twice or out of order."""
-        scan, missing = self.scan, np.ones(self.n_pulses, bool)
-        for _, cdr in raw_messages(scan.path, *self._times_ns):
-            try:
-                block = deserialise(cdr)
-            except Exception:  # damaged bytes fail in many ways; the scan has counted them
-                continue
-            if block.samples.shape[1:] != (scan.n_channels, scan.n_samples):
-                continue
-            counter = block.counter.astype(np.int64)
-            index = np.minimum(np.searchsorted(self.counter, counter), self.n_pulses - 1)
-            new = (self.counter[index] == counter) & missing[index]
-            new[new] = _first_of_each(index[new])
-            if new.any():
-                missing[index[new]] = False
-                yield index[new], block if new.all() else block.select(new)
-
-
-def _first_of_each(index: np.ndarray) -> np.ndarray:
-    """(N,) bool true for the first of equal numbers."""
-    out = np.zeros(len(index), bool)
-    out[np.unique(index, return_index=True)[1]] = True
-    return out
+        shape = self.scan.n_channels, self.scan.n_samples
+        for block in each_once(raw_messages(self.scan.path, *self._times_ns), lambda block: (
+                np.isin(block.counter, self.counter) & (block.samples.shape[1:] == shape))):
+            yield np.searchsorted(self.counter, block.counter), block
 
 
 def _joined(blocks: Iterator[PulseBlock], most: float) -> Iterator[PulseBlock]:

@@ -429,18 +429,12 @@ def _aperture(recording: Recording, length: int | None, number: int | None,
             raise SourceError(f'{recording.path} does not state the length of its apertures; '
                               '--aperture needs it')
         return 0, 2**32
-    apertures = recording.apertures(length)
-    numbers = [a.number for a in apertures]
-    if number is None:
-        complete = [a.number for a in apertures if a.n_pulses == length]
-        number = complete[-1] if complete else max(apertures, key=lambda a: a.n_pulses).number
-        if len(numbers) > 1:
-            warnings.append(f'aperture {number} of {", ".join(map(str, numbers))} is imaged '
-                            '(--aperture chooses)')
-    if number not in numbers:
-        raise SourceError(f'{recording.path} has no aperture {number}; it has '
-                          f'{", ".join(map(str, numbers))}')
-    return number * length, (number + 1) * length
+    chosen = recording.aperture(length, number).number
+    numbers = np.unique(recording.counter // length)
+    if number is None and len(numbers) > 1:
+        warnings.append(f'aperture {chosen} of {", ".join(map(str, numbers))} is imaged '
+                        '(--aperture chooses)')
+    return chosen * length, (chosen + 1) * length
 
 
 def _chunks(blocks: Iterator[PulseBlock], n_bytes: float) -> Iterator[PulseBlock]:

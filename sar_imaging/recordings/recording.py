@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -195,8 +195,9 @@ class Recording:
         times = self.message_ns[self.message[wanted]]
         if not times.size:
             return
-        pulses = _each_once(raw_messages(self.path, int(times.min()), int(times.max()) + 1),
-                            first, stop)
+        messages = raw_messages(self.path, int(times.min()), int(times.max()) + 1)
+        pulses = each_once(messages, lambda block: (block.counter >= first)
+                           & (block.counter.astype(np.int64) < stop))
         try:
             yield from placed(pulses, self.poses, self.alignment, self.mount)
         except ValueError as error:
@@ -213,6 +214,23 @@ class Recording:
                                 int(stamps.min()), int(stamps.max()),
                                 int(self.message[index[self.counter[index].argmax()]])))
         return out
+
+    def aperture(self, pulses_per_aperture: int, number: int | None = None) -> RecordedAperture:
+        """Aperture of a number; without one the last complete, else that with most pulses.
+
+        Raises
+        ------
+        ValueError
+            There is none of this number.
+        """
+        found = {aperture.number: aperture for aperture in self.apertures(pulses_per_aperture)}
+        if number is None:
+            complete = [a for a in found.values() if a.n_pulses == pulses_per_aperture]
+            return complete[-1] if complete else max(found.values(), key=lambda a: a.n_pulses)
+        if number not in found:
+            raise ValueError(f'{self.path} has no aperture {number}; it has '
+                             f'{", ".join(map(str, found))}')
+        return found[number]
 
     def phase_centre_at(self, stamp_ns: int) -> np.ndarray:
         """(3,) float64 phase centre at a time, interpolated between pulses, metres."""
@@ -286,20 +304,20 @@ def read_recording(path: Path | str) -> Recording:
         rx_m, by_poses=known and not first.has_positions, poses=poses)
 
 
-def _each_once(messages: Iterable[tuple[int, bytes]], first: int, stop: int
-               ) -> Iterator[PulseBlock]:
-    """Blocks of the pulses with some counters; what comes again is left out."""
+def each_once(messages: Iterable[tuple[int, bytes]], wanted: Callable[[PulseBlock], np.ndarray]
+              ) -> Iterator[PulseBlock]:
+    """Blocks of the pulses that are wanted, (p,) bool of a block; what comes again is left out."""
     seen: set[int] = set()
     for _, cdr in messages:
         try:
             block = deserialise(cdr)
         except Exception:  # damaged bytes fail in many ways; they were counted
             continue
-        counters = block.counter.astype(np.int64)
-        new = (counters >= first) & (counters < stop)
-        new &= [int(c) not in seen for c in counters]
+        new = np.zeros(block.n_pulses, bool)
+        new[np.unique(block.counter, return_index=True)[1]] = True
+        new &= wanted(block) & [counter not in seen for counter in block.counter.tolist()]
         if new.any():
-            seen.update(counters[new].tolist())
+            seen.update(block.counter[new].tolist())
             yield block if new.all() else block.select(new)
 
 

@@ -34,7 +34,7 @@ from .arguments import add_aperture, add_output
 from .evaluation import examination, node_launch
 from .evaluation.examination import summary
 from .evaluation.node_launch import plan_launch
-from .evaluation.observer import Observer, ReceivedImage, counter_increase
+from .evaluation.observer import Observer, ReceivedImage
 from .evaluation.replay import Published, Replayer
 from .node_processes import (
     MODES,
@@ -187,14 +187,13 @@ def _replay(recording: Recording, arguments: argparse.Namespace, names: Sequence
         observer.wait_for_nodes(timeout_s, check)
         replayer.wait_for_subscriber(timeout_s)
         length = observer.pulses_per_aperture(timeout_s, check)
-        aperture = _choose_aperture(recording.apertures(length), length, arguments.aperture)
+        aperture = recording.aperture(length, arguments.aperture)
         observer.expect(aperture.first_ns, aperture.last_ns)
         replayer.check = check = functools.partial(_check_rejections, observer, check)
-        before = {name: observer.counters(name) for name in observer.stages}
         with tqdm(total=recording.n_messages, unit='message', desc='replaying') as bar:
             sent_s = _send(recording, aperture, replayer, arguments.rate, bar)
             _await_image(observer, aperture, arguments.timeout, check, bar)
-        counters = _await_counters(observer, before, arguments.timeout, check)
+        counters = _await_counters(observer, arguments.timeout, check)
         return _Result(aperture, length, observer.image, observer.image.received_s - sent_s,
                        observer.grid, counters, _predicted_error_db(observer, counters),
                        observer.autofocus.get(aperture.number))
@@ -215,24 +214,18 @@ def _spinning_node(namespace: str) -> Iterator[tuple[Node, SingleThreadedExecuto
         yield node, executor
 
 
-def _await_counters(observer: Observer, before: dict[str, dict[str, int]], timeout_s: float,
-                    check: Callable[[], None]) -> dict[str, dict[str, int]]:
+def _await_counters(observer: Observer, timeout_s: float, check: Callable[[], None]
+                    ) -> dict[str, dict[str, int]]:
     """Counters that include the last pulse and the image, after the search for mistakes."""
     now = time.monotonic()
     for name in observer.stages:
         observer.status_after(name, now, now + 5.0, check)
     # an image is published before it is counted
-    while not _imagers(_counted(observer, before)) and time.monotonic() < now + 5.0:
+    while not _imagers(observer.counted()) and time.monotonic() < now + 5.0:
         observer.spin(check)
     while observer.diagnosing and time.monotonic() < now + timeout_s:
         observer.spin(check)
-    return _counted(observer, before)
-
-
-def _counted(observer: Observer, before: dict[str, dict[str, int]]) -> dict[str, dict[str, int]]:
-    """What the nodes counted since then."""
-    return {name: counter_increase(before[name], observer.counters(name))
-            for name in observer.stages}
+    return observer.counted()
 
 
 def _imagers(counters: dict[str, dict[str, int]]) -> list[str]:
@@ -244,19 +237,6 @@ def _predicted_error_db(observer: Observer, counters: dict[str, dict[str, int]])
     """Of the latest image, as the node says that formed it."""
     imagers = _imagers(counters)
     return observer.figure(imagers[-1], 'predicted_error_db') if imagers else None
-
-
-def _choose_aperture(apertures: list[RecordedAperture], length: int,
-                     wanted: int | None) -> RecordedAperture:
-    """Aperture asked for, else the last complete one, else the one with most pulses."""
-    if wanted is not None:
-        for aperture in apertures:
-            if aperture.number == wanted:
-                return aperture
-        numbers = ', '.join(str(a.number) for a in apertures)
-        raise EvaluationError(f'the recording has no aperture {wanted}; it has {numbers}')
-    complete = [a for a in apertures if a.n_pulses == length]
-    return complete[-1] if complete else max(apertures, key=lambda a: a.n_pulses)
 
 
 def _send(recording: Recording, aperture: RecordedAperture, replayer: Replayer, rate: float | None,

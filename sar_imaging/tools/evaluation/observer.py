@@ -249,6 +249,11 @@ class Observer:
                 continue  # a measured figure, not a counter
         return out
 
+    def counted(self) -> dict[str, dict[str, int]]:
+        """What each node has counted since `expect`."""
+        return {name: counter_increase(self._before[name], self.counters(name))
+                for name in self.stages}
+
     def refusal(self, *, sent_all: bool = False) -> str:
         """Which node has refused everything since `expect`, and why; empty when none has.
 
