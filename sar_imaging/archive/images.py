@@ -22,7 +22,7 @@ from ..formats.cphd import CphdError, CphdReader
 from ..formats.tags import told_of
 from ..geometry.illumination import AntennaPattern
 from ..imaging.correlation import correlate_profiles
-from ..imaging.image import Image, Report
+from ..imaging.image import Image
 from ..imaging.imager import plan_image
 from ..imaging.methods import EXACT
 from ..memory import granting
@@ -72,9 +72,9 @@ class ApertureProfiles:
     def __init__(self, scan: ApertureScan, output: Path,
                  pulses: tuple[int, int] | None = None):
         cut = slice(*(pulses or (0, scan.n_pulses)))
-        found = scan.phase_centres(output)
         self.scan, self._first = scan, cut.start
-        self.counter, self.stamp_ns, self.tx_m, self.rx_m = (part[cut] for part in found)
+        self.counter, self.stamp_ns, self.tx_m, self.rx_m = (
+            part[cut] for part in scan.phase_centres(output))
         self.illumination, looks = scan.antenna(output)
         self._pointing = None if looks is None else looks.select(cut)
         times = scan.message_times(output)[cut]
@@ -204,17 +204,22 @@ class Checked:
             self.reference[:] += values
             self.covered[:] &= covered
 
-    def figures(self, samples: np.ndarray) -> dict:
+    def figures(self, values: np.ndarray, energy: float, n_pixels: int) -> dict:
         """Energies of an image: of the error and of all pixels, per pixel that has a value.
 
         The error of the image is their quotient. It is that of pixels that all profiles cover;
         the brightest ones are among them by chance only.
+
+        Parameters
+        ----------
+        values : (K,) complex64
+            Image at these pixels.
+        energy, n_pixels : float, int
+            Its energy, and how many of its pixels have a value.
         """
-        values = samples.reshape(-1)[self.index].astype(np.complex128)
-        energy, n_pixels = _energy(samples)
-        n = int(self.covered.sum())
-        missed = np.abs(values - self.reference)[self.covered] ** 2
-        return {'n_checked': n, 'error_power': float(missed.mean()) if n else 0.0,
+        missed = np.abs(values.astype(np.complex128) - self.reference)[self.covered] ** 2
+        return {'n_checked': len(missed),
+                'error_power': float(missed.mean()) if len(missed) else 0.0,
                 'power': energy / n_pixels if n_pixels else 0.0, 'n_pixels': n_pixels}
 
 
@@ -249,7 +254,10 @@ def form_image(piece: ImagePiece, job: Job, output: Path) -> PieceResult:
     checked = Checked.of(piece.window, job.checked_pixels, piece.scan.name)
     with using(DEFAULT), one_thread():
         image = _formed(pulses, job, piece.window, piece.method, checked)
-    figures = checked.figures(image.samples) | _told(image.report)
+    report, values = image.report, image.samples.reshape(-1)[checked.index]
+    figures = checked.figures(values, *_energy(image.samples)) | {
+        'method': report.method, 'predicted_error_db': report.predicted_error_db,
+        'warnings': list(report.warnings)}
     _store(piece, job, output, image.samples, checked, figures)
     return _result(figures)
 
@@ -283,12 +291,6 @@ def _formed(pulses: ApertureProfiles, job: Job, window: Window, method: str,
         [block] = pulses.profiles(pulses.profile_bytes)
         checked.add(block, points, pulses.illumination)
         return imager(block)
-
-
-def _told(report: Report) -> dict:
-    """What is known of an image, of JSON types."""
-    return {'method': report.method, 'predicted_error_db': report.predicted_error_db,
-            'warnings': list(report.warnings)}
 
 
 def _array(piece: ImagePiece | SumPiece, job: Job, output: Path, partial: str) -> TiledArray:
@@ -429,11 +431,8 @@ def _summed(piece: SumPiece, parts: list[TiledArray], job: Job, output: Path) ->
         if scale is not None:
             samples *= scale.factors(*window.within(piece.scan.window))
         array.write(window, samples, whole)
-    missed = np.abs(values - checked.reference)[checked.covered] ** 2
     predicted = [f['predicted_error_db'] for f in known]
-    figures = {
-        'n_checked': len(missed), 'error_power': float(missed.mean()) if len(missed) else 0.0,
-        'power': energy / n_pixels if n_pixels else 0.0, 'n_pixels': n_pixels,
+    figures = checked.figures(values, energy, n_pixels) | {
         'method': ' and '.join(dict.fromkeys(f['method'] for f in known)),
         'predicted_error_db': None if None in predicted else max(predicted),
         'warnings': list(dict.fromkeys(text for f in known for text in f['warnings']))}

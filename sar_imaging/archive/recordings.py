@@ -47,7 +47,7 @@ from .scans import (
     turned,
     write_scan,
 )
-from .windows import Window, surface_points
+from .windows import Window, lattice_grid, surface_points
 
 _MOST_CATALOGUE_BYTES = 2**26
 _BAG_FILES = ('.mcap', '.db3')
@@ -204,22 +204,6 @@ class OutOfSightError(ValueError):
     """An aperture tells nothing about the map; the text says why."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Footprint:
-    """Part of the map.
-
-    Attributes
-    ----------
-    corners_m : ((x, y), ...) floats
-        In the map's frame, counter-clockwise, metres.
-    window : Window
-        Pixels around it.
-    """
-
-    corners_m: tuple[tuple[float, float], ...]
-    window: Window
-
-
 def moved(points_m: np.ndarray, own: Datum | None, wanted: Datum | None) -> np.ndarray:
     """(..., 3) points of one frame in another, metres; the same where either stands nowhere."""
     if own is None or wanted is None or own == wanted:
@@ -227,7 +211,7 @@ def moved(points_m: np.ndarray, own: Datum | None, wanted: Datum | None) -> np.n
     return wanted.from_ecef(own.to_ecef(points_m))
 
 
-def footprint(source: Source, coverage: Coverage, job: Job, *, alone: bool) -> Footprint:
+def footprint(source: Source, coverage: Coverage, job: Job, *, alone: bool) -> np.ndarray:
     """Footprint of an aperture: the area that is told, as far as its pulses see it.
 
     - The area: that of the recording, within that of the job; where either tells none, the other.
@@ -245,6 +229,11 @@ def footprint(source: Source, coverage: Coverage, job: Job, *, alone: bool) -> F
         With the map's frame.
     alone : bool
         Whether the recording has no other aperture.
+
+    Returns
+    -------
+    (N, 2) float64
+        Corners in the map's frame, counter-clockwise, metres.
 
     Raises
     ------
@@ -271,9 +260,7 @@ def footprint(source: Source, coverage: Coverage, job: Job, *, alone: bool) -> F
         raise OutOfSightError(
             f'no profile reaches its area: they cover {near:.0f} to {far:.0f} m, and it lies '
             f'{distance:.0f} m away; check height_m and area_m of the job, and the datum')
-    if not seen.all():
-        corners = _box(places[seen])
-    return Footprint(tuple(map(tuple, corners.tolist())), Window.around(corners, job.spacing_m))
+    return corners if seen.all() else _box(places[seen])
 
 
 def _raster(hull: np.ndarray, n: int) -> np.ndarray:
@@ -335,23 +322,6 @@ def _nearest(places: np.ndarray, coverage: Coverage, job: Job) -> np.ndarray:
     return inside if inside.any() and np.ptp(distance) > 2 * reach else np.ones(len(places), bool)
 
 
-@dataclasses.dataclass(frozen=True)
-class _Surface:
-    """Pixels of a window on the map's surface, computed when they are asked for."""
-
-    window: Window
-    job: Job
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return self.window.shape
-
-    def positions(self, row, column) -> np.ndarray:
-        grid = self.window.grid(self.job.spacing_m, self.job.height_m)
-        places = grid.positions(row, column)
-        return surface_points(self.job, places.reshape(-1, 3)).reshape(places.shape)
-
-
 def brightness_scale(job: Job, pulses: DividedPulses, window: Window) -> BrightnessScale | None:
     """Scale of the image of an aperture; None where the job wants none.
 
@@ -366,7 +336,7 @@ def brightness_scale(job: Job, pulses: DividedPulses, window: Window) -> Brightn
     if wanted is None:
         return None
     response = KnotResponse.of(
-        _Surface(window, job), pulses.radar, pulses.tx_m, pulses.rx_m,
+        lattice_grid(window, job), pulses.radar, pulses.tx_m, pulses.rx_m,
         pattern=pulses.illumination, pointing=pulses.pointing,
         weighting='none' if pulses.raw_samples else wanted.window)
     return BrightnessScale.of(response, wanted.constant, wanted.quantity)
@@ -486,12 +456,13 @@ def _aperture(source: Source, name: str, recording: str, job: Job, output: Path,
     radar, n_samples, raw = ((source.radar, source.n_samples, 0) if compressor is None else
                              (compressor.output_radar, compressor.n_output, source.n_samples))
     coverage = Coverage(radar, n_samples, tx_m, rx_m)
-    seen = footprint(source, coverage, job, alone=alone)
+    corners = footprint(source, coverage, job, alone=alone)
+    window = Window.around(corners, job.spacing_m)
     looks = turned(pointing_of(source), own, job.datum)
     pulses = DividedPulses(radar, n_samples, tx_m, rx_m, raw, source.illumination, looks)
-    division = divide_aperture(job, pulses, seen.window)
-    scale = brightness_scale(job, pulses, seen.window)
-    middle = seen.window.grid(job.spacing_m, job.height_m).centre_m
+    division = divide_aperture(job, pulses, window)
+    scale = brightness_scale(job, pulses, window)
+    middle = window.grid(job.spacing_m, job.height_m).centre_m
     warnings += _drop_warning(job, middle)
     centres = f'{SCANS}/{name}.npz'
     _write_centres(output / centres, source, tx_m, rx_m,
@@ -501,7 +472,7 @@ def _aperture(source: Source, name: str, recording: str, job: Job, output: Path,
         fingerprint=fingerprint, kind=source.kind, radar=source.radar, n_pulses=source.n_pulses,
         n_channels=source.n_channels, n_samples=source.n_samples, compressed=source.compressed,
         first_ns=int(source.stamp_ns.min()), last_ns=int(source.stamp_ns.max()), datum=own,
-        footprint_m=seen.corners_m, window=seen.window,
+        footprint_m=tuple(map(tuple, corners.tolist())), window=window,
         centre_m=tuple(coverage.centres_m.mean(axis=(0, 1)).tolist()),
         range_m=float(np.median(np.linalg.norm(coverage.centres_m - middle, axis=-1))),
         reads_bytes=source.n_bytes, division=division, centres=centres,

@@ -132,18 +132,11 @@ def window_grid(window: Window, job: Job) -> MapGrid | TerrainGrid:
 
 
 def surface_points(job: Job, points_m) -> np.ndarray:
-    """(N, 3) float64 points of the map's surface at (N, 2 or 3) x and y of its frame, metres.
-
-    On the ellipsoid they are those whose height is found below or above the plane, which is
-    exact to what the normal turns meanwhile.
-    """
-    points = np.array(points_m, np.float64)[:, :2]
-    points = np.column_stack([points, np.full(len(points), job.height_m)])
-    if job.surface == 'ellipsoid' and job.datum is not None:
-        latitude, longitude, _ = job.datum.to_geographic(points)
-        points[:, 2] = job.datum.from_geographic(
-            latitude, longitude, job.datum.height_m + job.height_m)[:, 2]
-    return points
+    """(N, 3) float64 points of the map's surface at (N, 2 or 3) x and y of its frame, metres."""
+    x, y = np.asarray(points_m, np.float64)[:, :2].T
+    round_earth = job.surface == ELLIPSOID and job.datum is not None
+    z = surface_z(x, y, job.datum, job.height_m) if round_earth else np.full(len(x), job.height_m)
+    return np.column_stack([x, y, z])
 
 
 def surface_z(x_m, y_m, datum: Datum, height_m: float = 0.0) -> np.ndarray:
