@@ -35,6 +35,18 @@ def check_version(version: str) -> None:
 
 check_version(numba.__version__)
 
+
+@contextlib.contextmanager
+def one_thread() -> Iterator[None]:
+    """Numba on one thread, as before afterwards."""
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
+
+
 #: Reordering of float operations that keeps NaN and infinity meaningful.
 FASTMATH = {'contract', 'reassoc', 'nsz', 'arcp'}
 

@@ -24,18 +24,11 @@ from ..formats import require
 from ..formats.acquisition import date_of
 from ..formats.quicklook import limits_db
 from ..formats.report import ReportSection, write_report
-from ..formats.stac import (
-    MEDIA,
-    PROJECTION as PROJECTION_EXTENSION,
-    SAR,
-    band_name,
-    footprint,
-    projection,
-)
+from ..formats.stac import SAR, add_asset, footprint, radar_properties
 from ..imaging.radiometry import Radiometry
 from .images import StoredImage, error_db
 from .job import Job
-from .pieces import PieceResult, ProductPiece
+from .pieces import PieceResult
 from .scans import ApertureScan, ScanLoss, all_scans, load_scans, write_text
 from .storage import COHERENCE, IMAGES, MOSAIC, STRIPS, TiledArray
 from .tiles import stored_looks
@@ -43,11 +36,10 @@ from .windows import Window, surface_z, union
 
 CATALOGUE, ITEMS = 'catalog.json', 'items'
 _PROCESSING = 'https://stac-extensions.github.io/processing/v1.2.0/schema.json'
-_ZARR = 'application/vnd+zarr'
 _OUR = 'sar_imaging:'
 
 
-def write_catalogue(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
+def write_catalogue(job: Job, output: Path) -> PieceResult:
     """Write the catalogue of what is there; without a datum there is no place to tell."""
     if job.datum is None:
         return PieceResult(warnings=(
@@ -152,13 +144,9 @@ class _Items:
                     'phase': f'coherence/{pair}_phase.tif'})
 
     def _image(self, scan: ApertureScan):
-        figures, radar = self._figures([scan]), scan.radar
-        band = band_name(radar.carrier_hz)
+        figures = self._figures([scan])
         item = self._item(f'image-{scan.name}', 'image', [scan], {
-            'sar:instrument_mode': 'spotlight', 'sar:product_type': 'SLC',
-            'sar:center_frequency': radar.carrier_hz / 1e9,
-            'sar:bandwidth': radar.bandwidth_hz / 1e9,
-            **({'sar:frequency_band': band} if band else {}),
+            **radar_properties(scan.radar),
             f'{_OUR}recording': str(scan.path), f'{_OUR}recording_fingerprint': scan.fingerprint,
             f'{_OUR}aperture': scan.aperture, f'{_OUR}pulses': scan.n_pulses,
             f'{_OUR}channels': scan.n_channels,
@@ -219,16 +207,8 @@ class _Items:
 
     def _add_assets(self, item, files: Mapping[str, str]) -> None:
         for key, name in files.items():
-            path = self._output / name
-            if not path.exists():
-                continue
-            extra = projection(path) if path.suffix == '.tif' else {}
-            if extra and PROJECTION_EXTENSION not in item.stac_extensions:
-                item.stac_extensions.append(PROJECTION_EXTENSION)
-            media = _ZARR if path.is_dir() else MEDIA.get(path.suffix)
-            item.add_asset(key, self._stac.Asset(
-                f'../{name}', media_type=media, extra_fields=extra,
-                roles=['overview'] if path.suffix == '.png' else ['data']))
+            if (self._output / name).exists():
+                add_asset(item, key, self._output / name, self._output / ITEMS)
 
 
 def _relative(path: Path, folder: Path) -> str:

@@ -143,7 +143,7 @@ def _check_workers(client, output: Path, memory_bytes: int | None) -> None:
         answers = client.run(trouble_of_worker, witness, sar_imaging.__version__, memory_bytes,
                              on_error='return')
     except Exception as error:
-        raise ClusterError(f'the workers cannot be asked: {_line(error)}') from error
+        raise ClusterError(f'the workers cannot be asked: {one_line(error)}') from error
     finally:
         witness.unlink(missing_ok=True)
     troubles = {address: trouble for address, answer in sorted(answers.items())
@@ -191,9 +191,9 @@ def _told(answer: str | Exception) -> str:
     if isinstance(answer, str):
         return answer
     if cannot_import(answer):
-        return (f'cannot load sar_imaging {sar_imaging.__version__} ({_line(answer)}); install it '
-                'with the extra `archive` where the worker runs')
-    return f'does not answer as it should: {_line(answer)}'
+        return (f'cannot load sar_imaging {sar_imaging.__version__} ({one_line(answer)}); install '
+                'it with the extra `archive` where the worker runs')
+    return f'does not answer as it should: {one_line(answer)}'
 
 
 def cannot_import(error: BaseException) -> bool:
@@ -201,5 +201,8 @@ def cannot_import(error: BaseException) -> bool:
     return isinstance(error, ImportError) or 'ModuleNotFoundError' in str(error)
 
 
-def _line(error: Exception) -> str:
-    return f'{type(error).__name__}: {" ".join(str(error).split())}'
+def one_line(error: BaseException) -> str:
+    """Text of an error in one line; its type where it is no error about data or files."""
+    text = ' '.join(str(error).split())
+    plain = isinstance(error, (OSError, MemoryError)) or type(error).__module__.startswith('sar_')
+    return text if plain and text else f'{type(error).__name__}: {text}'

@@ -13,6 +13,7 @@ import numpy as np
 
 import sar_imaging
 
+from ..compilation import one_thread
 from ..formats import Acquisition, sicd_grid, write_sicd
 from ..formats.georeference import Georeference, georeference
 from ..formats.geotiff import write_cog
@@ -33,7 +34,7 @@ from ..recordings.pulse_source import (
     pointing_of,
 )
 from .division import BLOCK_SHARE, SICD_BYTES, room_bytes
-from .images import StoredImage, one_thread
+from .images import StoredImage
 from .job import Job
 from .pieces import ArchiveDataError, PieceResult, ProductPiece
 from .scans import ApertureScan
@@ -157,10 +158,7 @@ def write_sicd_image(piece: ProductPiece, job: Job, output: Path) -> PieceResult
 
 
 def _image(source: Source, grid: PlaneGrid, target_db: float, n_bytes: float):
-    compressor = source.compressor()
-    radar, n = ((source.radar, source.n_samples) if compressor is None
-                else (compressor.output_radar, compressor.n_output))
-    imager = plan_image(grid, radar, n, method=EXACT, target_db=target_db,
+    imager = plan_image(grid, *source.of_profiles(), method=EXACT, target_db=target_db,
                         illumination=source.illumination)
     image = imager.new_image()
     for block in source.profiles(n_bytes):

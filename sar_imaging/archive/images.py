@@ -16,8 +16,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numba import get_num_threads, set_num_threads
 
+from ..compilation import one_thread
 from ..formats.cphd import CphdError, CphdReader
 from ..formats.tags import told_of
 from ..geometry.illumination import AntennaPattern
@@ -262,17 +262,6 @@ def form_image(piece: ImagePiece, job: Job, output: Path) -> PieceResult:
     return _result(figures)
 
 
-class one_thread:
-    """Numba on one thread, as before afterwards."""
-
-    def __enter__(self):
-        self._before = get_num_threads()
-        set_num_threads(1)
-
-    def __exit__(self, *_):
-        set_num_threads(self._before)
-
-
 def _formed(pulses: ApertureProfiles, job: Job, window: Window, method: str,
             checked: Checked) -> Image:
     """Image of pulses on a window, compared with correlation on the way."""
@@ -310,9 +299,8 @@ def _store(piece: ImagePiece | SumPiece, job: Job, output: Path, samples: np.nda
     whole = piece.window if piece.partial else piece.scan.window
     _create(array, piece, job)
     scale = _scale(piece, output)
-    for first in range(0, len(samples) if scale else 0, _ROWS_AT_ONCE):
-        rows = slice(first, first + _ROWS_AT_ONCE)
-        samples[rows] *= scale.factors(*_rows(piece.window, rows).within(piece.scan.window))
+    for rows in piece.window.strips(_ROWS_AT_ONCE) if scale else ():
+        samples[rows.within(piece.window)] *= scale.factors(*rows.within(piece.scan.window))
     array.write(piece.window, samples, whole)
     _finish(piece, output, checked, figures)
 
@@ -320,11 +308,6 @@ def _store(piece: ImagePiece | SumPiece, job: Job, output: Path, samples: np.nda
 def _scale(piece: ImagePiece | SumPiece, output: Path) -> BrightnessScale | None:
     """Scale of what a piece writes; None of partial images, whose sum is scaled."""
     return None if piece.partial else piece.scan.brightness_scale(output)
-
-
-def _rows(window: Window, rows: slice) -> Window:
-    first, last, _ = rows.indices(window.shape[0])
-    return dataclasses.replace(window, row0=window.row0 + first, row1=window.row0 + last)
 
 
 def _create(array: TiledArray, piece: ImagePiece | SumPiece, job: Job) -> None:

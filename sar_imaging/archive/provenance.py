@@ -149,7 +149,7 @@ def _chosen(output: Path, area: Window, job: Job, n_pixels: int, seed: int):
     """Numbers, power and looks of random pixels of a window that have a look."""
     power, looks = stored_looks(output, '', area.on_tiles(job.tile), job.tile)
     rng = np.random.default_rng(seed)
-    tiles = [tile for tile in power.tiles() if power.has(tile)]
+    tiles = [tile for tile in power.extent.tiles(job.tile) if power.has(tile)]
     if not tiles:
         raise ValueError(f'the mosaic of {output} has no pixel')
     found: list[tuple[int, int, float, int]] = []

@@ -452,9 +452,8 @@ def _aperture(source: Source, name: str, recording: str, job: Job, output: Path,
     if not (np.isfinite(tx_m).all() and np.isfinite(rx_m).all()):
         raise OutOfSightError(
             'its phase centres are no numbers; recover its poses, or leave it out')
-    compressor = source.compressor()
-    radar, n_samples, raw = ((source.radar, source.n_samples, 0) if compressor is None else
-                             (compressor.output_radar, compressor.n_output, source.n_samples))
+    radar, n_samples = source.of_profiles()
+    raw = 0 if source.compressed else source.n_samples
     coverage = Coverage(radar, n_samples, tx_m, rx_m)
     corners = footprint(source, coverage, job, alone=alone)
     window = Window.around(corners, job.spacing_m)

@@ -31,7 +31,7 @@ from tqdm import tqdm
 
 import sar_imaging
 
-from .cluster import cannot_import, dask, trouble_of_worker
+from .cluster import cannot_import, dask, one_line, trouble_of_worker
 from .division import duration
 from .records import RECORDS, Records, fingerprint
 
@@ -208,13 +208,6 @@ def _full(error: BaseException) -> str:
             'it goes on where it stopped')
 
 
-def one_line(error: BaseException) -> str:
-    """Text of an error in one line; its type where it is no error about data or files."""
-    text = ' '.join(str(error).split())
-    plain = isinstance(error, (OSError, MemoryError)) or type(error).__module__.startswith('sar_')
-    return text if plain and text else f'{type(error).__name__}: {text}'
-
-
 # ------------------------------------------------------------------ at the job's own process
 
 ALL_DONE, REFUSED, WITH_LOSSES, INTERRUPTED = 0, 1, 3, 130
@@ -322,38 +315,9 @@ class RunSummary:
         return lines
 
 
-class _Progress:
-    """A bar for a job's pieces; silent where the output is no terminal.
-
-    The time left is that predicted for the pieces to come, times what those until now took of
-    their own prediction.
-    """
-
-    def __init__(self, pieces: Sequence[Any]):
-        self._left = sum(piece.seconds for piece in pieces)
-        self._predicted = self._measured = 0.0
-        self._bar = tqdm(total=len(pieces), unit='piece', disable=None, dynamic_ncols=True,
-                         bar_format='{l_bar}{bar}| {n_fmt}/{total_fmt} pieces, {elapsed}'
-                                    '{postfix}')
-        self.close = self._bar.close
-
-    def settled(self, predicted_seconds: float, seconds: float | None = None) -> None:
-        """A piece is finished or lost; `seconds` that it took in this run."""
-        self._left -= predicted_seconds
-        if seconds is not None:
-            self._predicted += predicted_seconds
-            self._measured += seconds
-        self._bar.update()
-
-    def show(self, n_threads: int, n_lost: int) -> None:
-        """Tell how long it takes with so many threads of workers."""
-        pace = self._measured / self._predicted if self._predicted else 1.0
-        told = (f'{duration(max(self._left * pace / n_threads, 0))} left' if n_threads else
-                'waiting for workers')
-        self._bar.set_postfix_str(f'{told}, {n_lost} lost', refresh=False)
-        self._bar.refresh()
-
-
+# A bar over the seconds predicted for all that this run computes: tqdm tells what the rest takes.
+_BAR = dict(disable=None, dynamic_ncols=True,
+            bar_format='{l_bar}{bar}| {elapsed}, {remaining} left{postfix}')
 _LOOK_SECONDS = 1.0  # how often workers are counted
 _WAIT_SECONDS = 600.0  # how long a job waits for workers when there are none
 _ANSWER_SECONDS = 10.0  # how long an answer may take from its worker
@@ -441,7 +405,7 @@ class _Run:
         begin, interrupted = time.monotonic(), False
         (self.records.output / RECORDS).mkdir(exist_ok=True)
         self.client.run_on_scheduler(_let_die(self.retries))
-        self.progress = _Progress(self.pieces)
+        self.bar = tqdm(total=sum(piece.seconds for piece in self.pieces), **_BAR)
         try:
             while not self.stopped and self.order.is_active():
                 self.look()
@@ -450,7 +414,7 @@ class _Run:
         except KeyboardInterrupt:
             interrupted = True
         finally:
-            self.progress.close()
+            self.bar.close()
             if self.futures and self.client.status == 'running':
                 # what runs is recorded by its worker, if it ends
                 self.client.cancel(list(self.futures), force=True)
@@ -477,7 +441,9 @@ class _Run:
         elif now - self.threads_seen > _WAIT_SECONDS:
             self.stop(f'there was no worker for {_WAIT_SECONDS / 60:g} minutes; start workers and '
                       'the job again: it goes on where it stopped')
-        self.progress.show(self.n_threads, len(self.losses))
+        self.bar.set_postfix_str(f'{len(self.marks)} of {len(self.pieces)} pieces, '
+                                 + (f'{len(self.losses)} lost' if self.n_threads else
+                                    'waiting for workers'))
 
     def submit(self) -> None:
         """Give every thread a piece, the first of those that can be computed before others."""
@@ -564,7 +530,7 @@ class _Run:
         else:
             self.marks[piece.key] = None
             self.losses[index] = Loss(piece.key, outcome.reason, outcome.where)
-            self.progress.settled(piece.seconds)
+            self.bar.total -= piece.seconds
         self.order.done(index)
 
     def finish(self, piece, record: dict) -> None:
@@ -575,7 +541,9 @@ class _Run:
         if fresh:
             self.computing_seconds += record['seconds']
             self.peak = max(self.peak, (record['peak_bytes'], piece.key))
-        self.progress.settled(piece.seconds, record['seconds'] if fresh else None)
+            self.bar.update(piece.seconds)
+        else:
+            self.bar.total -= piece.seconds
         if self.on_result is not None:
             self.on_result(piece, record['result'])
 

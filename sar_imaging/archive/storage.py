@@ -13,7 +13,7 @@ from __future__ import annotations
 import functools
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -142,10 +142,6 @@ class TiledArray:
                 part = tile.intersection(common)
                 out[part.within(window)] = self.array[part.within(self.extent)]
         return out
-
-    def tiles(self) -> Iterator[Window]:
-        """Its tiles, row by row."""
-        return self.extent.tiles(self.tile)
 
 
 def _write_once(path: Path, contents: Mapping[str, object]) -> None:

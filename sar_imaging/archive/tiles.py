@@ -69,9 +69,7 @@ def mean_power(names: Sequence[str], tile: Window, job: Job,
             missing.append(name)
             continue
         samples = image_array(output, name, image.window, job.tile).read(common)
-        for first in range(common.row0, common.row1, _ROWS_AT_ONCE):
-            rows = Window(first, min(first + _ROWS_AT_ONCE, common.row1), common.column0,
-                          common.column1)
+        for rows in common.strips(_ROWS_AT_ONCE):
             _add(total[rows.within(tile)], looks[rows.within(tile)],
                  samples[rows.within(common)], inside(image.footprint_m, rows, job.spacing_m))
     with np.errstate(invalid='ignore'):

@@ -103,6 +103,12 @@ class Window:
                 yield Window(row, row + tile, column, column + tile)
 
 
+    def strips(self, n_rows: int) -> Iterator[Window]:
+        """The window in parts of some rows."""
+        for row in range(self.row0, self.row1, n_rows):
+            yield Window(row, min(row + n_rows, self.row1), self.column0, self.column1)
+
+
 def union(windows: Iterable[Window]) -> Window:
     """Smallest window around some, at least one."""
     rows0, rows1, columns0, columns1 = zip(*(w.as_tuple for w in windows), strict=True)

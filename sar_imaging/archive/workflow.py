@@ -190,7 +190,7 @@ def _product(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
     if piece.product != 'catalogue':
         return write_rasters(piece, job, output)
     files = write_archive_report(output, job)
-    told = write_catalogue(piece, job, output)
+    told = write_catalogue(job, output)
     return dataclasses.replace(told, files=(*files, *told.files))
 
 

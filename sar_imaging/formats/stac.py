@@ -13,6 +13,7 @@ from ..files import replacing
 from ..geometry.earth import Datum
 from ..geometry.track import main_axis, side_of
 from ..imaging.image import Image
+from ..signal.radar import RadarParameters
 from .acquisition import UNKNOWN, Acquisition, date_of
 from .extras import require
 from .quicklook import image_corners
@@ -25,7 +26,8 @@ PROJECTION = 'https://stac-extensions.github.io/projection/v2.0.0/schema.json'
 _BANDS = {'P': (0.25, 0.5), 'L': (1, 2), 'S': (2, 4), 'C': (4, 8), 'X': (8, 12.5),
           'Ku': (12.5, 18), 'K': (18, 26.5), 'Ka': (26.5, 40)}
 _POLARISATIONS = ('HH', 'VV', 'HV', 'VH')
-MEDIA = {'.tif': 'image/tiff; application=geotiff; profile=cloud-optimized',
+_ZARR = 'application/vnd+zarr'
+_MEDIA = {'.tif': 'image/tiff; application=geotiff; profile=cloud-optimized',
           '.png': 'image/png', '.kml': 'application/vnd.google-earth.kml+xml',
           '.nitf': 'application/vnd.nitf', '.ntf': 'application/vnd.nitf',
           '.json': 'application/json', '.html': 'text/html'}
@@ -96,51 +98,56 @@ def write_stac_item(path: os.PathLike | str, image: Image, datum: Datum,
         file = pathlib.Path(file).absolute()
         if not file.is_file():
             raise FileNotFoundError(f'{file} of asset {key!r} does not exist; write it first')
-        suffix = file.suffix.lower()
-        extra = projection(file) if suffix == '.tif' else {}
-        if extra and PROJECTION not in item.stac_extensions:
-            item.stac_extensions.append(PROJECTION)
-        item.add_asset(key, pystac.Asset(
-            os.path.relpath(file, path.parent), media_type=MEDIA.get(suffix),
-            roles=_ROLES.get(suffix, ['data']), extra_fields=extra))
+        add_asset(item, key, file, path.parent)
     with replacing(path) as part:
         part.write_text(json.dumps(item.to_dict(include_self_link=False), indent=1) + '\n')
     return item
 
 
-def _properties(image: Image, acquisition: Acquisition) -> dict:
+def add_asset(item, key: str, file: pathlib.Path, folder: pathlib.Path) -> None:
+    """Add a file, or a folder of Zarr, to an item that lies in a folder."""
+    pystac = require('pystac', 'writing a STAC item')
+    suffix = file.suffix.lower()
+    extra = projection(file) if suffix == '.tif' else {}
+    if extra and PROJECTION not in item.stac_extensions:
+        item.stac_extensions.append(PROJECTION)
+    item.add_asset(key, pystac.Asset(
+        os.path.relpath(file, folder), media_type=_ZARR if file.is_dir() else _MEDIA.get(suffix),
+        roles=_ROLES.get(suffix, ['data']), extra_fields=extra))
+
+
+def radar_properties(radar: RadarParameters) -> dict:
     """What is known of the radar, in words of the sar extension."""
-    radar, grid = acquisition.radar, getattr(image.grid, 'map_grid', image.grid)
+    found = {'sar:instrument_mode': 'spotlight', 'sar:product_type': 'SLC',
+             'sar:center_frequency': radar.carrier_hz / 1e9,
+             'sar:bandwidth': radar.bandwidth_hz / 1e9}
+    for band, (low, high) in _BANDS.items():
+        if low <= radar.carrier_hz / 1e9 < high:
+            found['sar:frequency_band'] = band
+    return found
+
+
+def _properties(image: Image, acquisition: Acquisition) -> dict:
+    """What is known of radar and image, in words of the sar extension."""
+    grid = getattr(image.grid, 'map_grid', image.grid)
     middle = np.asarray(grid.positions(grid.shape[0] // 2, grid.shape[1] // 2))
     axes = sicd_axes(acquisition, middle, 'ground')
     resolution = [support(acquisition, middle, axis).width_m for axis in axes]
     steps = grid.steps_m  # those nearest to range and to azimuth
     along = np.abs(steps @ axes[0])
     spacing = np.linalg.norm(steps, axis=1)[np.argsort(-along)]
-    found = {'platform': acquisition.collector.lower(), 'sar:instrument_mode': 'spotlight',
-             'sar:product_type': 'SLC', 'sar:center_frequency': radar.carrier_hz / 1e9,
-             'sar:bandwidth': radar.bandwidth_hz / 1e9,
+    found = {'platform': acquisition.collector.lower(), **radar_properties(acquisition.radar),
              'sar:resolution_range': resolution[0], 'sar:resolution_azimuth': resolution[1],
              'sar:pixel_spacing_range': float(spacing[0]),
              'sar:pixel_spacing_azimuth': float(spacing[1]),
              'sar:looks_range': 1, 'sar:looks_azimuth': 1,
              'sar:observation_direction': _side(acquisition, middle)}
-    if band := band_name(radar.carrier_hz):
-        found['sar:frequency_band'] = band
     polarisation = acquisition.polarisation.replace(':', '')
     if polarisation in _POLARISATIONS:
         found['sar:polarizations'] = [polarisation]
     if acquisition.collector == UNKNOWN:
         del found['platform']
     return found
-
-
-def band_name(carrier_hz: float) -> str | None:
-    """Letter of a frequency band, as the sar extension names it; None outside them all."""
-    for band, (low, high) in _BANDS.items():
-        if low <= carrier_hz / 1e9 < high:
-            return band
-    return None
 
 
 def _side(acquisition: Acquisition, middle: np.ndarray) -> str:

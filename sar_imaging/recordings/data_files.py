@@ -175,14 +175,12 @@ class DataFiles:
     def joined(self, name: str, axis: int = 0) -> np.ndarray:
         """The variables of all files, one after the other along an axis."""
         parts = self.parts(name)
-        shapes = {p.shape[:axis] + p.shape[axis + 1:] for p in parts}
-        if len(shapes) > 1:
-            other = next(i for i, p in enumerate(parts)
-                         if p.shape[:axis] + p.shape[axis + 1:] != parts[0].shape[:axis]
-                         + parts[0].shape[axis + 1:])
-            raise DescriptionError(
-                f'{self.paths[other].name}: {name}.shape={parts[other].shape} does not continue '
-                f'{parts[0].shape} of {self.paths[0].name}; load files of one recording at a time')
+        beside = [part.shape[:axis] + part.shape[axis + 1:] for part in parts]
+        for path, part, shape in zip(self.paths, parts, beside, strict=True):
+            if shape != beside[0]:
+                raise DescriptionError(
+                    f'{path.name}: {name}.shape={part.shape} does not continue {parts[0].shape} '
+                    f'of {self.paths[0].name}; load files of one recording at a time')
         return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=axis)
 
     def real(self, name: str) -> np.ndarray:

@@ -186,12 +186,15 @@ class PulseSource:
         return None if self.compressed else RangeCompressor(self.radar, self.n_samples,
                                                             window=self.window)
 
+    def of_profiles(self) -> tuple[RadarParameters, int]:
+        """Radar parameters and number of samples of its pulses as range profiles."""
+        compressor = self.compressor()
+        return ((self.radar, self.n_samples) if compressor is None
+                else (compressor.output_radar, compressor.n_output))
+
     def coverage(self) -> Coverage:
         """What of the scene its pulses tell something about."""
-        compressor = self.compressor()
-        radar, n = ((self.radar, self.n_samples) if compressor is None
-                    else (compressor.output_radar, compressor.n_output))
-        return Coverage(radar, n, self.tx_m, self.rx_m)
+        return Coverage(*self.of_profiles(), self.tx_m, self.rx_m)
 
     def profiles(self, n_bytes: float = _BLOCK_BYTES) -> Iterator[PulseBlock]:
         """Its pulses as range profiles, in blocks of some bytes of samples."""
@@ -455,13 +458,9 @@ def acquisition_with_antenna(source: PulseSource, looks: Pointing | None = None)
 
     `looks` is what `pointing_of` said, where that was asked before.
     """
-    return dataclasses.replace(source.acquisition(), antenna=source.illumination,
-                               pointing=_by_time(source, looks or pointing_of(source)))
-
-
-def _by_time(source: PulseSource, looks: Pointing | None) -> Pointing | None:
-    """Pointing in the order of an acquisition."""
-    return None if looks is None else looks.select(np.argsort(source.stamp_ns, kind='stable'))
+    if looks := looks or pointing_of(source):
+        looks = looks.select(np.argsort(source.stamp_ns, kind='stable'))  # as an acquisition has
+    return dataclasses.replace(source.acquisition(), antenna=source.illumination, pointing=looks)
 
 
 def pointing_of(source: PulseSource) -> Pointing | None:

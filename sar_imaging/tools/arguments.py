@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 from sar_imaging.geometry.earth import Datum
@@ -43,6 +44,18 @@ def add_datum(parser: argparse.ArgumentParser) -> None:
                         help='latitude and longitude in degrees, ellipsoidal height in metres '
                              'and, optionally, heading of the frame in degrees: where its origin '
                              'stands, instead of what the file tells')
+
+
+def positive(kind: type) -> Callable[[str], float]:
+    """Reader of an argument that is a finite number of a kind, above 0."""
+    def read(text: str) -> float:
+        value = kind(text)
+        if not 0 < value < math.inf:
+            raise argparse.ArgumentTypeError(f'{text} is not a positive number')
+        return value
+
+    read.__name__ = kind.__name__  # which argparse tells where the text is none
+    return read
 
 
 def datum_of(arguments: argparse.Namespace) -> Datum | None:

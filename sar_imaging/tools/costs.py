@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from ..backends import CUDA, backend
 from ..backends.edge_brightness import EdgeBrightness
-from ..compilation import numba
+from ..compilation import one_thread
 from ..device_arrays import alike, zeros_beside
 from ..geometry.grids import MapGrid
 from ..geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
@@ -160,32 +160,15 @@ class Experiment:
     run: Callable[[], object]
 
 
-def experiments(name: str = 'cpu', scenes: TimedMaps | None = None) -> Iterator[Experiment]:
-    """What is timed, one after the other.
-
-    Parameters
-    ----------
-    name : str
-        Backend whose costs are wanted: ``'cpu'`` or ``'cuda'``. Samples and images lie on a
-        device beforehand, and the way there is timed by itself.
-    scenes : TimedMaps, optional
-        `PROCESSOR` or `DEVICE` if left out.
-
-    Raises
-    ------
-    DeviceError
-        There is no device that works.
-    """
-    scenes = scenes or (DEVICE if name == CUDA else PROCESSOR)
-    yield from _Experiments(name, scenes).all()
-
-
 class _Experiments:
-    """Those of one backend."""
+    """What is timed of one backend.
 
-    def __init__(self, name: str, scenes: TimedMaps):
-        self._backend, self._scenes = backend(name), scenes
+    Samples and images lie on a device beforehand, and the way there is timed by itself.
+    """
+
+    def __init__(self, name: str):
         there = name == CUDA
+        self._backend, self._scenes = backend(name), DEVICE if there else PROCESSOR
         self._like = self._backend.to_device(np.zeros((1, 1), np.complex64)) if there else None
         self._finish = self._backend.synchronise if there else lambda: None
 
@@ -403,7 +386,7 @@ class Timing:
 
 
 def measure(name: str = 'cpu', *, rounds: int = _ROUNDS, least_s: float = _LEAST_S,
-            progress: bool = False, scenes: TimedMaps | None = None) -> list[Timing]:
+            progress: bool = False) -> list[Timing]:
     """Time all experiments, on one thread or on a device.
 
     Times of a processor are its own: what else it does in the meantime is not counted, though it
@@ -419,8 +402,6 @@ def measure(name: str = 'cpu', *, rounds: int = _ROUNDS, least_s: float = _LEAST
         Rounds take as long together, at least, seconds.
     progress : bool
         Show a progress bar on standard error.
-    scenes : TimedMaps, optional
-        As for `experiments`.
 
     Raises
     ------
@@ -428,13 +409,9 @@ def measure(name: str = 'cpu', *, rounds: int = _ROUNDS, least_s: float = _LEAST
         There is no device that works, or it fails.
     """
     clock = time.perf_counter if name == CUDA else time.process_time
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
+    with one_thread():
         return [_timed(experiment, rounds, least_s, clock) for experiment in
-                tqdm(experiments(name, scenes), desc='experiments', unit='', disable=not progress)]
-    finally:
-        numba.set_num_threads(threads)
+                tqdm(_Experiments(name).all(), desc='experiments', unit='', disable=not progress)]
 
 
 def _timed(experiment: Experiment, rounds: int, least_s: float,

@@ -30,7 +30,7 @@ from sar_imaging.quality import ScattererQuality, measure_scatterer
 
 from ..recordings.bag_io import pose_messages, raw_messages
 from ..recordings.recording import RecordedAperture, Recording, read_recording
-from .arguments import add_aperture, add_output
+from .arguments import add_aperture, add_output, positive
 from .evaluation import examination, node_launch
 from .evaluation.examination import summary
 from .evaluation.node_launch import plan_launch
@@ -86,20 +86,13 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument('--namespace', type=_namespace, default='', metavar='NAME',
                    help='namespace of the nodes, such as radar1 (default: none)')
     add_aperture(p)
-    p.add_argument('--rate', type=_positive, metavar='FACTOR',
+    p.add_argument('--rate', type=positive(float), metavar='FACTOR',
                    help='follow the recording times, so many times as fast; 1 is real time '
                         '(default: as fast as the nodes work without loss)')
-    p.add_argument('--timeout', type=_positive, default=60.0, metavar='SECONDS',
+    p.add_argument('--timeout', type=positive(float), default=60.0, metavar='SECONDS',
                    help='longest wait for running nodes, for the image after the last pulse, '
                         'and for the search for mistakes after it (default: %(default)g)')
     return p
-
-
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f'{text} is not a positive number')
-    return value
 
 
 def _namespace(text: str) -> str:

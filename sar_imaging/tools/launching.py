@@ -16,7 +16,7 @@ from pathlib import Path
 from sar_imaging.configuration.parameters import load_tree
 from sar_imaging.configuration.settings import MODES
 
-from .node_processes import PROFILE, node_names
+from .node_processes import node_names, profile_variable
 
 CONFIG = Path(str(importlib.resources.files('sar_imaging') / 'config'))
 RECORDED_TOPICS = ('/pulses', '/odometry', '/pose', '/fix', '/imu')
@@ -118,13 +118,6 @@ def as_bool(name: str, text: str) -> bool:
     if text.lower() not in ('true', 'false'):
         raise ValueError(f'{name}:={text}; expected true or false')
     return text.lower() == 'true'
-
-
-def profile_variable(environment: Mapping[str, str]) -> dict[str, str]:
-    """Fast DDS profile of this package; nothing where one was chosen already."""
-    if environment.get(PROFILE):
-        return {}
-    return {PROFILE: str(CONFIG / 'fastdds_large_segment.xml')}
 
 
 def replay_command(arguments: Mapping[str, str], namespace: str = '',

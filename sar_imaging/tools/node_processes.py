@@ -135,6 +135,13 @@ def write_parameters(path: Path, parameters: Mapping[str, Mapping]) -> None:
         part.write_text('\n'.join(lines) + '\n')
 
 
+def profile_variable(environment: Mapping[str, str]) -> dict[str, str]:
+    """Fast DDS profile of this package; nothing where one was chosen already."""
+    if environment.get(PROFILE):
+        return {}
+    return {PROFILE: str(resources.files('sar_imaging') / 'config' / 'fastdds_large_segment.xml')}
+
+
 def isolated_environment(environment: Mapping[str, str] | None = None) -> dict[str, str]:
     """Environment in which the nodes meet nobody but the processes started with it.
 
@@ -154,9 +161,7 @@ def isolated_environment(environment: Mapping[str, str] | None = None) -> dict[s
     env = dict(os.environ if environment is None else environment)
     env.setdefault('ROS_DOMAIN_ID', str(free_domain()))
     env['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    profile = resources.files('sar_imaging') / 'config' / 'fastdds_large_segment.xml'
-    if PROFILE not in env and profile.is_file():
-        env[PROFILE] = str(profile)
+    env |= profile_variable(env)
     root = str(Path(sar_imaging.__file__).resolve().parents[1])
     env['PYTHONPATH'] = os.pathsep.join(filter(None, [root, env.get('PYTHONPATH')]))
     return env

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
@@ -237,7 +236,6 @@ def _layout(width_m: float, height_m: float):
     total_w = max(left + width + right, NARROWEST)
     total_h = bottom + bar_height + top
     figure = Figure(figsize=(total_w, total_h))
-    FigureCanvasAgg(figure)
     left += (total_w - left - width - right) / 2  # a slim image stands under its title
     axes = figure.add_axes((left / total_w, bottom / total_h, width / total_w, height / total_h))
     bar = figure.add_axes(((left + width + 0.2) / total_w, bottom / total_h, 0.16 / total_w,

@@ -20,6 +20,7 @@ from sar_imaging.simulation.scenarios.scenario import Scenario
 
 from ..recordings.bag_io import check_target, with_progress, write_bag
 from ..recordings.truth import antenna_truth, make_truth
+from .arguments import positive
 from .launching import named_config
 from .program import command_parser, main_of
 
@@ -68,12 +69,12 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument('--config', type=named_config, metavar='FILE',
                    help='parameter file with the numbers of a radar and its platform, or name of '
                         'a shipped one, instead of a scenario')
-    p.add_argument('--apertures', type=_positive, default=1, metavar='N',
+    p.add_argument('--apertures', type=positive(int), default=1, metavar='N',
                    help='length of a recording with --config (default: %(default)s)')
     p.add_argument('--list', action='store_true', help='describe the scenarios and stop')
     p.add_argument('--output', type=Path, metavar='FOLDER',
                    help='bag folder to make (default: out/bags/SCENARIO)')
-    p.add_argument('--pulses-per-message', type=_positive, default=25, metavar='N',
+    p.add_argument('--pulses-per-message', type=positive(int), default=25, metavar='N',
                    help='pulses in one message (default: %(default)s); messages of 0.25 to 2 MB '
                         'travel best')
     p.add_argument('--noise-std', type=_not_negative, metavar='SIGMA',
@@ -83,13 +84,6 @@ def parser() -> argparse.ArgumentParser:
                    help="seed of the noise (default: the scenario's own)")
     p.add_argument('--force', action='store_true', help='replace an existing bag')
     return p
-
-
-def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f'{value} is not positive')
-    return value
 
 
 def _not_negative(text: str) -> float:

@@ -188,7 +188,7 @@ def test_random_pixels_of_the_mosaic_are_those_of_correlation(imaged):
     np.testing.assert_array_equal(check.looks, check.reference_looks)
     # a mosaic that is wrong shows
     power = stored_looks(imaged.output, '', imaged.mosaic, 64)[0]
-    for tile in power.tiles():
+    for tile in power.extent.tiles(64):
         if power.has(tile):
             power.write(tile, power.read(tile) * np.float32(1.02), power.extent)
     # 1 % of amplitude

@@ -16,7 +16,7 @@ import textwrap
 
 import pytest
 
-from sar_imaging.tools import launching
+from sar_imaging.tools import launching, node_processes
 from sar_imaging.tools.node_processes import free_domain
 
 pytest.importorskip('launch_ros', reason='launch files need a ROS installation')
@@ -60,12 +60,12 @@ def started_fixture(tmp_path, monkeypatch):
     names = {*launching.node_names('subapertures', pipeline=False), 'sar_pipeline',
              'check_config', 'wait_until_active', 'ros2'}
     _executables(tmp_path / 'prefix', {name: textwrap.dedent(WRITES_DOWN).format(
-        python=sys.executable, folder=str(written), name=name, profile=launching.PROFILE)
+        python=sys.executable, folder=str(written), name=name, profile=node_processes.PROFILE)
         for name in names})
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path / 'prefix'))
     monkeypatch.setenv('PATH', f'{tmp_path}/prefix/lib/sar_imaging', prepend=os.pathsep)
     monkeypatch.setenv('ROS_LOG_DIR', str(tmp_path / 'log'))
-    monkeypatch.delenv(launching.PROFILE, raising=False)
+    monkeypatch.delenv(node_processes.PROFILE, raising=False)
     (tmp_path / 'ros2bag').mkdir()
     (tmp_path / 'ros2bag' / '__init__.py').touch()
     monkeypatch.syspath_prepend(tmp_path)
@@ -133,7 +133,7 @@ def test_nodes_start_in_the_namespace_of_their_scope(started, way):
 def test_groups_pass_remappings_parameters_and_environment_on(started):
     status, processes = started(
         GroupAction([SetRemap('pulses', 'raw'), SetParameter('use_sim_time', True),
-                     SetEnvironmentVariable(launching.PROFILE, 'mine.xml'),
+                     SetEnvironmentVariable(node_processes.PROFILE, 'mine.xml'),
                      include('sar_pipeline', namespace='in')]),
         include('sar_pipeline', namespace='out'))
     assert status == 0

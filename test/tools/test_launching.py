@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from sar_imaging.recordings.bag_io import ODOMETRY_TOPIC, TOPIC
-from sar_imaging.tools import launching
+from sar_imaging.tools import launching, node_processes
 
 ROOT = pathlib.Path(launching.__file__).parents[2]
 FILES = sorted((ROOT / 'sar_imaging' / 'launch').glob('*.launch.py'))
@@ -75,7 +75,7 @@ def test_parameters_are_those_of_the_nodes():
 def test_files_exist():
     for value in launching.profile_variable({}).values():
         assert pathlib.Path(value).is_file()
-    assert launching.profile_variable({launching.PROFILE: 'mine.xml'}) == {}
+    assert launching.profile_variable({node_processes.PROFILE: 'mine.xml'}) == {}
     defaults = {name: default for name, default, _ in launching.ARGUMENTS}
     assert launching.find_config(defaults['config']).name == 'sar_imaging.yaml'
     assert launching.find_config('drone_uwb').parent == launching.CONFIG

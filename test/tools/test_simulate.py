@@ -142,7 +142,7 @@ def test_list_describes_every_scenario(capsys):
 
 @pytest.mark.parametrize(('arguments', 'message'), [
     ([], 'name a scenario'), (['moon'], "'moon' is unknown; use one of psf"),
-    (['psf', '--pulses-per-message', '0'], 'not positive'),
+    (['psf', '--pulses-per-message', '0'], 'not a positive number'),
     (['psf', '--noise-std', '-1'], 'at least 0'), (['psf', '--noise-std', 'nan'], 'at least 0')])
 def test_wrong_use_is_explained(arguments, message, capsys):
     with pytest.raises(SystemExit) as stop:

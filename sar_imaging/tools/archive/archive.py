@@ -11,6 +11,7 @@ from pathlib import Path
 
 from ...archive.job import changed, read_job
 from ...archive.workflow import plan_archive, run_archive
+from ..arguments import positive
 from ..program import command_parser, main_of
 
 _EPILOG = """\
@@ -30,7 +31,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument('job', type=Path, help='job file (YAML), see docs/archives.md')
     p.add_argument('--plan', action='store_true',
                    help='tell time, memory and traffic, and stop before the work')
-    p.add_argument('--workers', type=_workers, metavar='N',
+    p.add_argument('--workers', type=positive(int), metavar='N',
                    help='processes of this machine (default: one for each core)')
     p.add_argument('--memory', type=float, metavar='GB',
                    help='that a worker may take (default: memory_gb of the job)')
@@ -39,16 +40,6 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument('--output', type=Path, metavar='FOLDER',
                    help='of the results (default: output of the job)')
     return p
-
-
-def _workers(text: str) -> int:
-    try:
-        number = int(text)
-    except ValueError:
-        number = 0
-    if number < 1:
-        raise argparse.ArgumentTypeError(f'{text} is no number of workers; expected 1 or more')
-    return number
 
 
 def run(arguments: argparse.Namespace) -> int:

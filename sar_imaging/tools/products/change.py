@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ...configuration.scene_grid import GridChoice
 from ...exploitation.passes import PassComparison, compare_passes
 from ...files import filling, write_json
 from ...formats import MissingExtraError
@@ -111,12 +110,11 @@ def _of_pulses(first: Path, second: Path, arguments: argparse.Namespace) -> Pair
                    for name, source in (('first pass', one), ('second pass', other)))
     drawn, axes = forming.drawn_grid(choice)
     return Pair(images, (one.track_m, other.track_m), one.datum or other.datum, drawn, axes,
-                choice.reasons, _warnings(choice, (one, other), images),
+                choice.reasons, _warnings((one, other), images),
                 one.radar.propagation_speed_m_per_s)
 
 
-def _warnings(choice: GridChoice, sources: tuple[PulseSource, PulseSource], images
-              ) -> tuple[str, ...]:
+def _warnings(sources: tuple[PulseSource, PulseSource], images) -> tuple[str, ...]:
     return tuple(f'{name} pass: {text}'
                  for name, source, image in zip(('first', 'second'), sources, images, strict=True)
                  for text in (*source.warnings, *image.report.warnings))

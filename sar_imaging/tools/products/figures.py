@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
@@ -33,7 +32,6 @@ def save_acquisition_png(path: Path | str, track_m: np.ndarray, corners_m: np.nd
         Corners of the image, in turn, metres.
     """
     figure = Figure(figsize=(9.0, 4.4), layout='constrained')
-    FigureCanvasAgg(figure)
     above, beside = figure.subplots(1, 2)
     middle, centre = track_m.mean(axis=0), corners_m.mean(axis=0)
     sight = centre - middle
@@ -94,7 +92,6 @@ def save_signal_png(path: Path | str, block: PulseBlock, *, title: str) -> None:
     radar = compressor.output_radar
     range_m = radar.range_start_m + np.arange(profiles.shape[2]) * radar.sample_spacing_m
     figure = Figure(figsize=(11.0, 7.2), layout='constrained')
-    FigureCanvasAgg(figure)
     (echoes, values), (times, channels) = figure.subplots(2, 2)
     _echoes(figure, echoes, profiles[:, 0], range_m)
     _values(values, some)
@@ -195,7 +192,6 @@ def save_volume_png(path: Path | str, samples: np.ndarray, grid: VolumeGrid, cel
     extent = (high - low + 2 * half) * LONG_SIDE / (high - low + 2 * half).max()
     figure = Figure(figsize=(extent[0] + max(extent[1], 2.5) + 3.2, extent[1] + extent[2] + 1.8),
                     layout='constrained')
-    FigureCanvasAgg(figure)
     layout = figure.add_gridspec(2, 2, width_ratios=(extent[0], max(extent[1], 2.5)),
                                  height_ratios=extent[[1, 2]])
     peak = float(magnitude.max()) or 1.0
