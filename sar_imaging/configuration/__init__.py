@@ -1,7 +1,7 @@
 """Derive quantities from radar, platform and settings, and find what cannot work. No ROS.
 
 - `settings`, `parameters`, `positions`, `datum`: the configuration, from ROS parameter files too;
-- `derived`, `subapertures`: resolution, ambiguities, times and bytes;
+- `derived`: resolution, ambiguities, times and bytes;
 - `constraints`: errors and warnings, each with the parameter to change;
 - `report`, `startup`: the same in words, for `check_config` and at the start of a node.
 """

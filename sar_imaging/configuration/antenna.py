@@ -14,7 +14,7 @@ from ..geometry.antenna import (
     Antenna,
     Mount,
 )
-from .constraints import Finding
+from .constraints import Finding, refusal
 
 NONE, BLOCK = 'none', 'block'
 PATTERN_CHOICES = (NONE, *PATTERNS)
@@ -121,14 +121,9 @@ def check_antenna(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:
         Parameters of the nodes by name, see `parameters.Configuration`.
     """
     imager, buffer = nodes['backprojection'], nodes['pulse_buffer']
-    found = {}
-    for name, read, values in (('antenna', antenna_of, imager), ('mount', mount_of, buffer)):
-        try:
-            found[name] = read(values)
-        except ValueError as error:
-            yield Finding('error', str(error))
-            return
-    if found['antenna'] is None and found['mount'] is not None:
+    errors = refusal(antenna_of, imager) or refusal(mount_of, buffer)
+    yield from errors
+    if not errors and imager['antenna.pattern'] == NONE and buffer['antenna.pointing'] != BLOCK:
         yield Finding('warning', f'antenna.pointing={buffer["antenna.pointing"]}, but '
                       'antenna.pattern=none: pulses tell where the antenna looks, and images make '
                       'no use of it; set antenna.pattern of backprojection')

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
+
+import numpy as np
 
 from ..memory import PUBLISHED_BYTES
 from .derived import Derived, pulse_duration_s
@@ -38,6 +41,15 @@ class Finding:
     severity: str
     text: str
     from_track: bool = False
+
+
+def refusal(check: Callable[..., object], *arguments) -> list[Finding]:
+    """What a check has against its arguments: its ValueError as the only error, or nothing."""
+    try:
+        check(*arguments)
+    except ValueError as error:
+        return [Finding('error', str(error))]
+    return []
 
 
 _STRAIGHT_VOLUME = Finding(
@@ -226,7 +238,7 @@ def _check_pixels(imaging: Imaging, d: Derived):
                           + ('bandwidth' if name == 'range' else 'number of pulses per aperture'),
                           from_track=True)
         elif spacing > 0.5 * null * _ROUNDING:
-            loss = -20 * math.log10(_sinc(spacing / (2 * null)))
+            loss = -20 * math.log10(np.sinc(spacing / (2 * null)))
             yield Finding('warning', f'grid.spacing={spacing:g} m is more than half of the '
                           f'null spacing in {name}, {null:.3g} m: a scatterer between pixels '
                           f'loses up to {loss:.1f} dB; {_round_down(null / 2):g} m or less keep '
@@ -280,10 +292,6 @@ def _check_load(imaging: Imaging, machine: Machine, d: Derived):
         yield Finding('warning', f'the nodes may need {total / 1e6:.0f} MB, '
                       f'{machine.memory_bytes / 1e6:.0f} MB are available; lower queue_depth, '
                       'worker_queue_size or the number of pixels')
-
-
-def _sinc(x: float) -> float:
-    return math.sin(math.pi * x) / (math.pi * x) if x else 1.0
 
 
 def _round_down(value: float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from ..geometry.earth import Datum
-from .constraints import Finding
+from .constraints import Finding, refusal
 
 SOURCES = NONE, PARAMETERS, FIX = ('none', 'parameters', 'fix')
 _NUMBERS = ('latitude_deg', 'longitude_deg', 'height_m', 'heading_deg')
@@ -106,14 +106,8 @@ def check_datum(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:
         yield Finding('error', f'datum is not the same in all nodes: {words}; set it once, in the '
                       'section /**')
     for names in told.values():
-        try:
-            configured_datum(nodes[names[0]])
-        except ValueError as error:
-            yield Finding('error', str(error))
-    try:
-        check_fixes(nodes['pulse_buffer'])
-    except ValueError as error:
-        yield Finding('error', str(error))
+        yield from refusal(configured_datum, nodes[names[0]])
+    yield from refusal(check_fixes, nodes['pulse_buffer'])
 
 
 def datum_rows(values: Mapping) -> list[tuple[str, str, str]]:

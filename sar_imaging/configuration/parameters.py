@@ -28,6 +28,8 @@ PIPELINE = 'sar_pipeline'  # has the parameters of all nodes
 OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')  # rclpy's; `ros2 param dump`
 # Nodes with few of the parameters that the others have in common.
 _FEW_COMMON = {'radar_driver': ('queue_depth', 'autostart')}
+IN_WORDS = {float: 'a number', int: 'a whole number', str: 'a text', bool: 'true or false',
+            list: 'a list of numbers'}  # values of parameters
 # Those of the checker's section: default and, where there is none, its type.
 CHECKER_PARAMETERS = {
     'radar.waveform': 'lfm', 'radar.compressed': False, 'radar.carrier_hz': float,
@@ -336,6 +338,16 @@ def _flatten(tree: Mapping, prefix: str = '') -> Iterator[tuple[str, tuple[objec
             yield f'{prefix}{key}', (value, line_of(tree, key))
 
 
+def as_kind(value: object, kind: type):
+    """Value of a parameter of a type, for which whole numbers are numbers; None if it is none."""
+    if kind is float and type(value) is int:
+        value = float(value)
+    numbers = value if isinstance(value, list) else [value] if kind is float else []
+    fits = type(value) is kind and all(
+        type(v) in (int, float) and math.isfinite(v) for v in numbers)
+    return value if fits else None
+
+
 def _set(targets: Mapping[str, dict], place: str, name: str, value) -> Iterator[Finding]:
     """Set a parameter of the nodes that have it; says why it cannot be set."""
     if name in OF_EVERY_NODE or name.startswith('qos_overrides.'):
@@ -348,21 +360,14 @@ def _set(targets: Mapping[str, dict], place: str, name: str, value) -> Iterator[
     for values in having:
         default = values[name]
         kind = default if isinstance(default, type) else type(default)
-        if kind is float and type(value) is int:
-            value = float(value)
-        if type(value) is not kind or not _is_finite(value):
-            words = {float: 'a number such as 1.0e+9', int: 'a whole number', str: 'a text',
-                     bool: 'true or false', list: 'a list of numbers'}[kind]
-            yield Finding('error', f'{place}: {name}: expected {words}, got {value!r}')
+        found = as_kind(value, kind)
+        if found is None:
+            hint = ' such as 1.0e+9' if kind is float else ''
+            yield Finding('error', f'{place}: {name}: expected {IN_WORDS[kind]}{hint}, got '
+                          f'{value!r}')
             return
-        if kind is list and len({type(v) for v in value}) > 1:
+        if kind is list and len({type(v) for v in found}) > 1:
             yield Finding('error', f'{place}: {name}={value!r} mixes whole numbers '
                           'and others, which ROS refuses; write all of them with a point')
             return
-        values[name] = value
-
-
-def _is_finite(value) -> bool:
-    if isinstance(value, list):
-        return all(type(v) in (int, float) and math.isfinite(v) for v in value)
-    return not isinstance(value, float) or math.isfinite(value)
+        values[name] = found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from .antenna import check_antenna
-from .constraints import Finding
+from .constraints import Finding, refusal
 from .datum import check_datum, datum_rows
 from .radiometry import check_radiometry
 from .settings import Acquisition
@@ -34,7 +34,7 @@ def check_positions(nodes: Mapping[str, Mapping],
              *check_radiometry(nodes)]
     buffer = nodes[_BUFFER]
     if buffer['pose.source'] != BLOCK:
-        found += _check_pose_frame(buffer)
+        found += refusal(imaging_frame, buffer)
         found += _check_counts(buffer, acquisition)
         if acquisition is not None and not found:
             found += _check_places(buffer, acquisition)
@@ -63,7 +63,7 @@ def _check_frames(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:
     frames: dict[str, list[str]] = {}
     for name, values in nodes.items():
         if 'frame_id' in values:
-            frames.setdefault(values['frame_id'].lstrip('/'), []).append(name)
+            frames.setdefault(plain_frame(values['frame_id']), []).append(name)
     if len(frames) > 1:
         words = '; '.join(f'{frame or "empty"} in {", ".join(names)}'
                           for frame, names in frames.items())
@@ -71,26 +71,54 @@ def _check_frames(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:
                       'the section /**')
 
 
-def _check_pose_frame(buffer: Mapping) -> Iterator[Finding]:
-    poses, images = (buffer[name].lstrip('/') for name in ('pose.frame_id', 'frame_id'))
+def plain_frame(name: str) -> str:
+    """Name of a frame without the leading slash that tf took before ROS 2."""
+    return name.lstrip('/')
+
+
+def imaging_frame(values: Mapping[str, object]) -> str:
+    """Frame of poses, grid and images alike.
+
+    Parameters
+    ----------
+    values : mapping
+        Parameters of a node that takes poses, by name.
+
+    Raises
+    ------
+    ValueError
+        Poses are to be in another frame than the images, or nobody names that of these.
+    """
+    poses, images = (plain_frame(values[name]) for name in ('pose.frame_id', 'frame_id'))
+    if not images:
+        raise ValueError('frame_id is empty; expected the frame of positions and images, such as '
+                         'odom')
     if poses and poses != images:
-        yield Finding('error', f'pose.frame_id={poses}, but grid and images are in frame_id='
-                      f'{images}: poses are not transformed; set frame_id: {poses}, with the grid '
-                      'in that frame, and leave pose.frame_id empty')
+        raise ValueError(f'pose.frame_id={poses}, but grid and images are in frame_id={images}: '
+                         f'poses are not transformed; set frame_id: {poses}, with the grid in '
+                         'that frame, and leave pose.frame_id empty')
+    return images
 
 
-def _places(buffer: Mapping, name: str) -> list:
-    """Lever arms, each a name of tf or a triple of metres."""
-    names = buffer[f'{name}_frames']
+def lever_arms(values: Mapping[str, object], name: str) -> list[str] | list[tuple[float, ...]]:
+    """Places of phase centres on the platform, each a frame of tf or x, y, z in metres.
+
+    Parameters
+    ----------
+    values : mapping
+        Parameters of a node that takes poses, by name.
+    name : str
+        ``antenna.tx`` or ``antenna.rx``.
+    """
+    names, numbers = values[f'{name}_frames'], values[name]
     if names.strip():
         return [part.strip() for part in names.split(',')]
-    values = buffer[name]
-    return [tuple(values[i:i + 3]) for i in range(0, len(values), 3)]
+    return [tuple(numbers[i:i + 3]) for i in range(0, len(numbers), 3)]
 
 
 def _check_counts(buffer: Mapping, acquisition: Acquisition | None) -> Iterator[Finding]:
     """As many lever arms as channels, or one for all: else the nodes reject every block."""
-    counts = {name: len(_places(buffer, name)) for name in _ARMS}
+    counts = {name: len(lever_arms(buffer, name)) for name in _ARMS}
     counts['antenna.offset_s'] = len(buffer['antenna.offset_s'])
     broken = [name for name in _ARMS if len(buffer[name]) % 3]
     for name in broken:
@@ -107,7 +135,7 @@ def _check_counts(buffer: Mapping, acquisition: Acquisition | None) -> Iterator[
 def _check_places(buffer: Mapping, acquisition: Acquisition) -> Iterator[Finding]:
     """Several channels at one place, which nobody said or which contradicts the radar."""
     channels, spacing = acquisition.n_channels, acquisition.channel_spacing_m
-    places = [_places(buffer, name) for name in _ARMS]
+    places = [lever_arms(buffer, name) for name in _ARMS]
     if channels == 1 or any(len(set(some)) > 1 for some in places):
         return
     said = any(len(some) == channels for some in places)

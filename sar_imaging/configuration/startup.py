@@ -1,7 +1,7 @@
-"""Report of a node at its start: derived quantities and problems of its settings.
+"""Report of a node once its first block has told the radar, the pulse rate and the track.
 
-Two questions, as soon as each can be answered: `report_parameters` when the node is configured,
-`report_block` when the first block has told the radar, the pulse rate and the track.
+Derived quantities and problems of its settings; what needs no radar `constraints.check_settings`
+tells when the node is configured.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from ..diagnosis.hypotheses import reach_advice
 from ..signal.pulses import PulseBlock
 from .antenna import NONE
-from .constraints import Finding, check, check_settings
+from .constraints import Finding, check
 from .derived import derive
 from .parameters import imaging_from_parameters
 from .report import lines, rows
@@ -89,27 +89,6 @@ class TrackWarnings:
         return True if count.max() + 1 >= self._enough else None
 
 
-def report_parameters(parameters: Mapping[str, object]) -> StartupReport:
-    """Check what needs no radar.
-
-    Parameters
-    ----------
-    parameters : mapping
-        Parameters of the node by name, those of the grid and `pulses_per_aperture` among them.
-
-    Returns
-    -------
-    StartupReport
-        Without lines.
-    """
-    try:
-        imaging = imaging_from_parameters(parameters)
-        findings = check_settings(imaging, Machine.this_one())
-    except ValueError as error:
-        return StartupReport(errors=(str(error),))
-    return _report((), findings)
-
-
 def report_block(parameters: Mapping[str, object], block: PulseBlock) -> StartupReport:
     """Derive and check everything that a first block and the parameters tell.
 
@@ -120,7 +99,8 @@ def report_block(parameters: Mapping[str, object], block: PulseBlock) -> Startup
     Parameters
     ----------
     parameters : mapping
-        As for `report_parameters`; those of range compression are used where they are given.
+        Parameters of the node by name, those of the grid and `pulses_per_aperture` among them;
+        those of range compression are used where they are given.
     block : PulseBlock
         Pulses or range profiles with phase centres.
 
@@ -149,10 +129,13 @@ def report_block(parameters: Mapping[str, object], block: PulseBlock) -> Startup
         findings = [Finding('warning', f'none of the grid lies within the profiles; {advice}'),
                     *(f for f in findings if not f.from_track)]
     waiting = tuple(f.text for f in findings if f.from_track)
-    report = _report(lines(rows(acquisition, imaging, machine, derived)),
-                     [f for f in findings if not f.from_track])
-    return dataclasses.replace(report, track=TrackWarnings(
-        waiting, block, acquisition, imaging.pulses_per_aperture) if waiting else None)
+    warnings, errors = (
+        tuple(f.text for f in findings if f.severity == severity and not f.from_track)
+        for severity in ('warning', 'error'))
+    return StartupReport(
+        tuple(lines(rows(acquisition, imaging, machine, derived))), warnings, errors,
+        TrackWarnings(waiting, block, acquisition, imaging.pulses_per_aperture)
+        if waiting else None)
 
 
 def acquisition_of(block: PulseBlock, imaging: Imaging) -> Acquisition | None:
@@ -196,8 +179,3 @@ def _beamwidth_rad(parameters: Mapping[str, object]) -> float:
     if parameters.get('antenna.pattern', NONE) == NONE:
         return 0.0
     return math.radians(parameters['antenna.azimuth_width'])
-
-
-def _report(text, findings: list[Finding]) -> StartupReport:
-    return StartupReport(tuple(text), *(tuple(f.text for f in findings if f.severity == severity)
-                                        for severity in ('warning', 'error')))

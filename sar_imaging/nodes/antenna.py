@@ -15,7 +15,7 @@ from sar_imaging.configuration.antenna import (
 from sar_imaging.geometry.antenna import Mount
 from sar_imaging.geometry.illumination import AntennaPattern
 
-from .runtime.parameters import Parameter, one_of, refused
+from .runtime.parameters import Parameter, check_vector, one_of, refused
 
 PATTERN = Parameter(
     'antenna.pattern', NONE, 'Pattern of the antenna, with which pulses add to pixels: '
@@ -47,19 +47,14 @@ def pattern_from(parameters: Mapping[str, object]) -> AntennaPattern | None:
     return None if antenna is None else antenna.amplitudes()
 
 
-def _check_vector(values) -> None:
-    if len(values) != 3:
-        raise ValueError(f'{len(values)} numbers; expected x, y, z')
-
-
 POINTING_PARAMETERS = (
     Parameter('antenna.pointing', BLOCK, 'Where the antenna looks: as the pulse blocks tell, if '
               'they do, fixed to the platform, beside the track, to one point, or in rotation.',
               check=one_of(*POINTING_CHOICES)),
     Parameter('antenna.boresight', [0.0, 1.0, 0.0], 'For platform: boresight in the body frame of '
-              'the poses, x, y, z.', check=_check_vector),
+              'the poses, x, y, z.', check=check_vector),
     Parameter('antenna.up', [0.0, 0.0, 1.0], 'For platform: upward direction of the antenna '
-              'there.', check=_check_vector),
+              'there.', check=check_vector),
     Parameter('antenna.side', 'left', 'For track: side of the direction of flight, left or right.',
               check=one_of('left', 'right')),
     Parameter('antenna.squint', 0.0, 'For track: boresight from broadside, positive ahead.',
@@ -67,7 +62,7 @@ POINTING_PARAMETERS = (
     Parameter('antenna.depression', 0.0, 'For track and rotation: boresight below the horizon.',
               'degrees', -90.0, 90.0),
     Parameter('antenna.target', [0.0, 0.0, 0.0], 'For point: what the antenna looks at, x, y, z '
-              'in the imaging frame.', 'm', check=_check_vector),
+              'in the imaging frame.', 'm', check=check_vector),
     Parameter('antenna.rotation_rate', 0.0, 'For rotation: counterclockwise seen from above.',
               'degrees per second', -1e5, 1e5),
     Parameter('antenna.rotation_start', 0.0, 'For rotation: boresight at the start, '

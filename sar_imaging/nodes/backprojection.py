@@ -13,7 +13,6 @@ from msg_conversions.subaperture_image import to_message
 from msg_conversions.subaperture_wire import as_received
 
 from ..backends import AUTO, compile_beforehand
-from ..configuration.parameters import imaging_from_parameters
 from ..configuration.startup import TrackWarnings, report_block
 from ..exploitation.obstacles.aperture_view import PulseTracks
 from ..formats.acquisition import Acquisition
@@ -43,7 +42,7 @@ from .images.image_grid import (
     GRID_PARAMETERS,
     TERRAIN_FILE,
     describe_grid,
-    make_grid,
+    imaging_settings,
     terrain_heights,
 )
 from .images.image_products import ImageProducts
@@ -131,10 +130,9 @@ class BackprojectionStep(LiveStep):
         if parameters[TERRAIN_FILE.name] and self.WITHOUT_TERRAIN:
             raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: {self.WITHOUT_TERRAIN}; use '
                                      f'mode {IMAGE} on terrain')
-        self._grid = make_grid(parameters)
+        imaging = imaging_settings(parameters)
+        self._grid, self._pixels = imaging.grid, imaging.volume or imaging.grid
         self._pattern = pattern_from(parameters)
-        imaging = imaging_from_parameters(parameters)
-        self._pixels = imaging.volume or self._grid
         self._watch = FocusWatch(imaging.middle_grid, parameters['pulses_per_aperture'], health,
                                  watching=not (parameters[TERRAIN_FILE.name]
                                                or parameters['mode'] == VOLUME))

@@ -25,7 +25,7 @@ from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.pulses.sequence import describe_counters
 from sar_imaging.signal.windows import parse_window
 
-from .images.image_grid import GRID_PARAMETERS, describe_grid, make_grid
+from .images.image_grid import GRID_PARAMETERS, describe_grid, imaging_settings
 from .poses.frame_datum import DatumInput
 from .runtime.block_output import PRODUCT_QOS, header_at
 from .runtime.health import Health, Part
@@ -71,7 +71,7 @@ class MovingTargetsStep(LiveStep):
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
-        self._grid = make_grid(parameters)
+        self._grid = imaging_settings(parameters).grid
         finder = MovingTargetFinder(
             self._grid, false_alarm_rate=parameters['false_alarm_rate'],
             largest_speed_m_per_s=parameters['largest_speed'] or None,

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 from msg_conversions.pulse_block import as_received
 from sar_imaging.configuration.datum import check_fixes
+from sar_imaging.configuration.positions import plain_frame
 from sar_imaging.signal.positioning import PointingFinder, Positioner
 from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.pulses.buffer import PulseBuffer
@@ -28,7 +29,7 @@ from .runtime.block_output import UNTAKEN, BlockOutput
 from .runtime.health import CHANGE, Health, Part
 from .runtime.inlet import UncheckedPulses
 from .runtime.managed import ManagedNode, run
-from .runtime.parameters import ANY_TIME, Parameter, plain_frame, refused
+from .runtime.parameters import ANY_TIME, Parameter, refused
 from .runtime.stage import Stage
 from .runtime.step import Step
 
@@ -44,6 +45,15 @@ PARAMETERS = (
     HEADING_BASELINE,
 )
 _WAIT_PERIOD_S = 0.05  # how often the end of a wait for poses is looked for
+# Statistics of the buffer, and of what adds positions, by the counters that show them.
+_PULSES = {**{f'pulses_{name}': name for name in (
+    'received', 'emitted', 'missing', 'duplicate', 'late', 'corrupt', 'conflicting')},
+    **{name: name for name in ('apertures_started', 'configuration_changes', 'restarts')}}
+_POSES = {'pulses_emitted': 'positioned', 'pulses_without_pose': 'without_pose',
+          'pulses_of_another_frame': 'other_frame', 'poses_received': 'poses',
+          'poses_late': 'poses_old',
+          **{name: name for name in ('pose_outliers', 'pose_gaps', 'pose_jumps',
+                                     'pose_restarts')}}
 
 
 class PulseBufferStep(Step):
@@ -153,27 +163,13 @@ class PulseBufferStep(Step):
 
     def update_counters(self) -> None:
         """Take the buffer's statistics over."""
-        s = self._buffer.statistics
-        for key in ('received', 'emitted', 'missing', 'duplicate', 'late', 'corrupt',
-                    'conflicting'):
-            self.health.set(f'pulses_{key}', getattr(s, key))
-        for key in ('apertures_started', 'configuration_changes', 'restarts'):
-            self.health.set(key, getattr(s, key))
-        if self._positioner is not None:
-            self._update_pose_counters()
-
-    def _update_pose_counters(self) -> None:
-        s = self._positioner.statistics
-        for key, value in (
-                ('pulses_emitted', s.positioned), ('pulses_without_pose', s.without_pose),
-                ('pulses_of_another_frame', s.other_frame),
-                ('pulses_waiting_for_poses', self._positioner.waiting_pulses),
-                ('poses_received', s.poses), ('poses_late', s.poses_old),
-                ('poses_rejected', s.poses_corrupt + self._poses.n_other_frame),
-                ('pose_outliers', s.pose_outliers), ('pose_gaps', s.pose_gaps),
-                ('pose_jumps', s.pose_jumps),
-                ('pose_restarts', s.pose_restarts)):
-            self.health.set(key, value)
+        self.show(self._buffer.statistics, _PULSES)
+        if self._positioner is None:
+            return
+        statistics = self._positioner.statistics
+        self.show(statistics, _POSES)
+        self.show(self._positioner, {'pulses_waiting_for_poses': 'waiting_pulses'})
+        self.health.set('poses_rejected', statistics.poses_corrupt + self._poses.n_other_frame)
         self._update_fix_counters()
         self._poses.look()
 

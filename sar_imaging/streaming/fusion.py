@@ -333,7 +333,7 @@ class LiveFusion(EventSource):
 
     def flush(self) -> list[FusedImage]:
         """Close what is being fused; nothing more is expected for now."""
-        return self._close_all()
+        return [image for sequence in list(self._open) for image in self._close(sequence)]
 
     def reset(self) -> int:
         """Forget what is being fused and its sender; returns the sub-apertures so dropped."""
@@ -356,7 +356,8 @@ class LiveFusion(EventSource):
         self._check(sub)
         before = (sub.sequence - 1) % 2**32
         overlaps = sub.n_window < sub.n_subapertures and before in self._open
-        images = self._close_all(keeping=before if overlaps else None)
+        images = [image for sequence in list(self._open) if not overlaps or sequence != before
+                  for image in self._close(sequence)]
         # Images of the first half of a sliding aperture are of the one before.
         turn = sub.n_window // (self.images_every or 1) if overlaps else 0
         self._open[sub.sequence] = Fusing(sub, self._backend, first=not overlaps, turn=turn)
@@ -404,10 +405,6 @@ class LiveFusion(EventSource):
             return []
         fusing.turn = turn
         return self._final(fusing)
-
-    def _close_all(self, keeping: int | None = None) -> list[FusedImage]:
-        return [image for sequence in list(self._open) if sequence != keeping
-                for image in self._close(sequence)]
 
     def _close(self, sequence: int) -> list[FusedImage]:
         fusing = self._open.pop(sequence)

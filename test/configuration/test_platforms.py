@@ -6,7 +6,6 @@ import pytest
 
 from sar_imaging.configuration import check, derive
 from sar_imaging.configuration.parameters import default_file, read_configuration
-from sar_imaging.configuration.subapertures import forecast_subapertures
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality import measure_scatterer
@@ -14,6 +13,7 @@ from sar_imaging.signal.radar import SPEED_OF_LIGHT
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.signal.waveforms import n_pulse_samples
 from sar_imaging.simulation.scenarios.catalogue import configured_scenario
+from sar_imaging.tools.check_config import forecast_subapertures
 
 from .conftest import MACHINE
 
@@ -94,13 +94,12 @@ def test_sub_apertures_are_planned_or_the_reason_is_told():
     configuration = configuration_of('automotive_77ghz')
     acquisition, imaging = configuration.acquisition(), configuration.imaging()
     derived = derive(acquisition, imaging, MACHINE)
-    forecast = forecast_subapertures(acquisition, imaging, derived)
-    assert forecast.reason == ''
-    assert (forecast.count - 1) * forecast.pulses < imaging.pulses_per_aperture
-    assert forecast.count * forecast.pulses >= imaging.pulses_per_aperture
-    assert forecast.predicted_error_db <= imaging.subaperture_target_db
+    plan = forecast_subapertures(acquisition, imaging, derived)
+    pulses = plan.subapertures.sampling.pulses
+    assert len(pulses) > 1
+    assert sum(some.stop - some.start for some in pulses) == imaging.pulses_per_aperture
+    assert plan.predicted_error_db <= imaging.subaperture_target_db
     around = dataclasses.replace(imaging, grid=dataclasses.replace(
         imaging.grid, centre_m=(*acquisition.centre_m[:2], 0.0)))
-    refused = forecast_subapertures(acquisition, around, derive(acquisition, around, MACHINE))
-    assert refused.count == 0
-    assert 'use exact backprojection' in refused.reason
+    with pytest.raises(ValueError, match='use exact backprojection'):
+        forecast_subapertures(acquisition, around, derive(acquisition, around, MACHINE))

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from sar_imaging.configuration import derive
-from sar_imaging.configuration.parameters import default_file, read_configuration
-from sar_imaging.configuration.startup import (
-    StartupReport,
-    acquisition_of,
-    report_block,
-    report_parameters,
+from sar_imaging.configuration.constraints import check_settings
+from sar_imaging.configuration.parameters import (
+    default_file,
+    imaging_from_parameters,
+    read_configuration,
 )
+from sar_imaging.configuration.startup import StartupReport, acquisition_of, report_block
 from sar_imaging.signal.range_compression import RangeCompressor
 from sar_imaging.simulation.scenarios.catalogue import configured_scenario
 
@@ -118,15 +118,17 @@ def test_a_track_proves_straight_before_it_is_warned_of(car, track, verdict, aft
 def test_what_cannot_work_is_an_error(car):
     configuration, blocks = car
     parameters = configuration.nodes['backprojection']
-    assert report_parameters(parameters).errors == ()
+    assert check_settings(imaging_from_parameters(parameters), MACHINE) == []
     coarse = dataclasses.replace(RangeCompressor.for_block(blocks[16], oversampling=1.0)(
         blocks[16]))
     [error] = report_block(parameters, coarse).errors
     assert 'backprojection needs 1.25: raise oversampling' in error
-    [error] = report_parameters(parameters | {'max_image_pixels': 100}).errors
-    assert 'the grid has 301 x 301 pixels, more than max_image_pixels=100' in error
-    [error] = report_parameters(parameters | {'grid.spacing': 0.0}).errors
-    assert 'spacing_m=0.0 must be positive' in error
+    [found] = check_settings(imaging_from_parameters(parameters | {'max_image_pixels': 100}),
+                             MACHINE)
+    assert found.severity == 'error'
+    assert 'the grid has 301 x 301 pixels, more than max_image_pixels=100' in found.text
+    with pytest.raises(ValueError, match='spacing_m=0.0 must be positive'):
+        imaging_from_parameters(parameters | {'grid.spacing': 0.0})
     [error] = report_block(parameters | {'grid.spacing': 0.0}, blocks[16]).errors
     assert 'spacing_m=0.0 must be positive' in error
 

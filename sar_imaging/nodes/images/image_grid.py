@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
-import zipfile
 from collections.abc import Mapping
 
 import numpy as np
 
-from ...configuration.startup import report_parameters
-from ...files import check_file
+from ...configuration.constraints import check_settings
+from ...configuration.parameters import imaging_from_parameters
+from ...configuration.settings import Imaging, Machine
 from ...geometry.grids import MapGrid, VolumeGrid
 from ...geometry.terrain import Terrain
-from ...memory import available_bytes
 from ..runtime.parameters import ConfigurationError, Parameter, refused
 
 MAX_IMAGE_PIXELS = Parameter('max_image_pixels', 2**25, 'Larger images are refused.', 'pixels',
@@ -32,19 +30,19 @@ GRID_PARAMETERS = (
 )
 
 
-def make_grid(parameters: Mapping[str, object]) -> MapGrid:
-    """Grid that the parameters describe.
+def imaging_settings(parameters: Mapping[str, object]) -> Imaging:
+    """Settings that the parameters describe, the grid among them.
 
     Raises
     ------
     ConfigurationError
-        It has more pixels than allowed, or than fit into memory.
+        They make no sense, or the image has more pixels than allowed, or than fit into memory.
     """
-    if errors := report_parameters(parameters).errors:
-        raise ConfigurationError('; '.join(errors))
-    p = parameters
-    return MapGrid.from_size((p['grid.centre_x'], p['grid.centre_y'], p['grid.centre_z']),
-                             p['grid.size_x'], p['grid.size_y'], p['grid.spacing'])
+    with refused():
+        imaging = imaging_from_parameters(parameters)
+    if findings := check_settings(imaging, Machine.this_one()):
+        raise ConfigurationError('; '.join(finding.text for finding in findings))
+    return imaging
 
 
 def describe_grid(grid: MapGrid | VolumeGrid) -> str:
@@ -76,17 +74,4 @@ def terrain_heights(parameters: Mapping[str, object], grid: MapGrid) -> np.ndarr
     if not path:
         return None
     with refused(f'parameter {TERRAIN_FILE.name}: '):
-        _check_size(path)
         return Terrain.load(path).heights(grid)
-
-
-def _check_size(path: str) -> None:
-    """Refuse files whose arrays do not fit into half of the memory, packed as they may be."""
-    most = available_bytes() // 2
-    check_file(path, most)
-    with contextlib.suppress(OSError, zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
-        # What is no archive is told of when it is read.
-        total = sum(member.file_size for member in archive.infolist())
-        if total > most:
-            raise ValueError(f'terrain {path} unpacks to {total / 1e6:.3g} MB, more than half of '
-                             'the memory; write fewer heights')

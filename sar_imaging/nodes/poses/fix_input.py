@@ -18,7 +18,7 @@ from sar_imaging.geometry.poses import PoseStatus, PoseTrack
 
 from ..runtime.health import Health, Part
 from ..runtime.managed import ManagedNode
-from ..runtime.parameters import Parameter
+from ..runtime.parameters import Parameter, check_vector
 from .frame_datum import DatumOutput, FrameDatum
 
 FIX_TOPIC, IMU_TOPIC = 'fix', 'imu'
@@ -26,14 +26,9 @@ _QUEUE_DEPTH = 10_000
 _MOST_WAITING = 1000  # fixes that wait for poses at their times
 
 
-def _check_arm(values) -> None:
-    if len(values) != 3:
-        raise ValueError(f'{len(values)} numbers; expected x, y, z')
-
-
 PARAMETERS = (
     Parameter('gnss.antenna', [0.0, 0.0, 0.0], "Place of the satellite navigation's antenna in "
-              'the body frame of the poses: x, y, z.', 'm', check=_check_arm),
+              'the body frame of the poses: x, y, z.', 'm', check=check_vector),
     Parameter('gnss.max_std_m', 10.0, 'Fixes that tell a larger horizontal standard deviation '
               'are not used.', 'm', 1e-3, 1e6),
 )

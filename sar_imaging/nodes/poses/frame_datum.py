@@ -10,11 +10,11 @@ from geometry_msgs.msg import TransformStamped
 from msg_conversions.errors import WireFormatError
 from msg_conversions.navigation import datum_from_message, datum_to_message
 from sar_imaging.configuration.datum import FIX, NONE, configured_datum, describe_datum
+from sar_imaging.configuration.positions import plain_frame
 from sar_imaging.geometry.earth import Datum
 
 from ..runtime.health import Health, Part
 from ..runtime.managed import LATCHED, ManagedNode
-from ..runtime.parameters import plain_frame
 
 TOPIC = 'datum'
 DATUM_TEXT = 'datum'  # key of the text on /diagnostics

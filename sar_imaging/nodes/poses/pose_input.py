@@ -16,13 +16,14 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 
+from ...configuration.positions import imaging_frame, lever_arms, plain_frame
 from ...geometry.alignment import Alignment
 from ...geometry.poses import PoseTrack
 from ...geometry.poses.track import CAPACITY
 from ..runtime.health import Cause, Health, Part
 from ..runtime.input_watch import InputWatch
 from ..runtime.managed import ManagedNode
-from ..runtime.parameters import ConfigurationError, Parameter, one_of, plain_frame
+from ..runtime.parameters import ConfigurationError, Parameter, one_of, refused
 from .fix_input import PARAMETERS as FIX_PARAMETERS, FixPoseSource
 from .frame_datum import FrameDatum
 
@@ -53,19 +54,11 @@ def import_tf(why: str, instead: str):
     return tf2_ros
 
 
-def split_frames(names: str) -> list[str]:
-    """Names of frames with commas between; none of an empty text.
-
-    Raises
-    ------
-    ValueError
-        A name is empty.
-    """
-    frames = [name.strip() for name in names.split(',')] if names.strip() else []
-    if not all(frames):
+def check_frames(names: str) -> None:
+    """Refuse, by ValueError, a list of frames with commas between that has an empty name."""
+    if names.strip() and not all(name.strip() for name in names.split(',')):
         raise ValueError(f'{names!r} has an empty name; expected frames such as '
                          'antenna_1,antenna_2')
-    return frames
 
 
 def read_lever_arms(node: ManagedNode, body: str, frames: Sequence[str]) -> np.ndarray:
@@ -213,9 +206,9 @@ PARAMETERS = (
               check=_check_arms),
     Parameter('antenna.tx_frames', '', 'Frames of tf whose origins are the transmit phase '
               'centres, with commas between, one for all channels or one for each; they replace '
-              'antenna.tx.', check=split_frames),
+              'antenna.tx.', check=check_frames),
     Parameter('antenna.rx_frames', '', 'The same of the receive phase centres.',
-              check=split_frames),
+              check=check_frames),
     Parameter('antenna.offset_s', [0.0], 'When each channel is sent after the stamp of its '
               'pulse, for transmitters that take turns; one stands for all.', 's'),
     *FIX_PARAMETERS,
@@ -242,34 +235,14 @@ def alignment_from(parameters: Mapping[str, object], node: ManagedNode) -> Align
         Frames are named, and tf is not installed or does not know them.
     """
     def arms(name):
-        frames = split_frames(parameters[f'{name}_frames'])
-        if frames:
-            return read_lever_arms(node, parameters['pose.child_frame_id'], frames)
-        values = parameters[name]
-        return [values[i:i + 3] for i in range(0, len(values), 3)]
+        places = lever_arms(parameters, name)
+        if not isinstance(places[0], str):
+            return places
+        return read_lever_arms(node, parameters['pose.child_frame_id'], places)
 
     return Alignment(tx_m=arms('antenna.tx'), rx_m=arms('antenna.rx'),
                      time_offset_s=parameters['pose.time_offset_s'],
                      range_bias_m=parameters['pose.range_bias_m'])
-
-
-def imaging_frame(parameters: Mapping[str, object]) -> str:
-    """Frame of poses, grid and images alike.
-
-    Raises
-    ------
-    ConfigurationError
-        Poses are to be in another frame than the images.
-    """
-    poses, images = (plain_frame(parameters[name]) for name in ('pose.frame_id', 'frame_id'))
-    if not images:
-        raise ConfigurationError('parameter frame_id is empty; expected the frame of positions '
-                                 'and images, such as odom')
-    if poses and poses != images:
-        raise ConfigurationError(f'parameter pose.frame_id={poses}: the images are in frame_id='
-                                 f'{images}, and poses are not transformed; set both to the frame '
-                                 'of the poses, or leave pose.frame_id empty')
-    return images
 
 
 def clock_notice(parameters: Mapping[str, object]) -> str:
@@ -322,7 +295,8 @@ class PoseInput:
         self._parameters, self._health, self._on_pose = parameters, health, on_pose
         self._source = parameters['pose.source']
         self._poses: collections.deque = collections.deque(maxlen=CAPACITY)
-        self._frame = imaging_frame(parameters)
+        with refused('parameter '):
+            self._frame = imaging_frame(parameters)
         self._missed = False
         self._told = False  # the frame of the poses
         self._last_s: float | None = None

@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import difflib
-import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -24,6 +23,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from ...backends import AUTO, CUDA, DeviceError, backend
+from ...configuration.parameters import IN_WORDS, as_kind
 from ...yaml_text import load_yaml
 
 # When a parameter may change.
@@ -32,21 +32,16 @@ CONFIGURE = 'configure'  # while the node is unconfigured; it counts when it is 
 ANY_TIME = 'any time'
 
 
-def plain_frame(name: str) -> str:
-    """Name of a frame without the leading slash that tf took before ROS 2."""
-    return name.lstrip('/')
-
-
 class ConfigurationError(ValueError):
     """A node cannot work with its parameters; the text says which and what to set."""
 
 
 @contextlib.contextmanager
-def refused(what: str = '') -> Iterator[None]:
-    """A ValueError within is a `ConfigurationError`, whose text begins with `what`."""
+def refused(what: str = '', errors: type | tuple = ValueError) -> Iterator[None]:
+    """Such errors within are a `ConfigurationError`, whose text begins with `what`."""
     try:
         yield
-    except ValueError as error:
+    except errors as error:
         raise ConfigurationError(f'{what}{error}') from error
 
 
@@ -101,8 +96,7 @@ class Parameter:
 
     def expected(self) -> str:
         """What a value must be, in words."""
-        words = {float: 'a number', int: 'a whole number', str: 'a text', bool: 'true or false',
-                 list: 'a list of numbers'}[type(self.default)]
+        words = IN_WORDS[type(self.default)]
         if self.minimum is not None:
             words += f' from {self.minimum} to {self.maximum}'
         return f'{words} ({self.unit})' if self.unit else words
@@ -116,27 +110,23 @@ class Parameter:
             The type is wrong, or the value is out of range.
         """
         kind = type(self.default)
-        if kind is float and type(value) is int:
-            value = float(value)
         if kind is list and isinstance(value, Sequence) and not isinstance(value, str | bytes):
             value = [float(v) if type(v) is int else v for v in value]
-        if type(value) is not kind or not _is_finite(value):
+        found = as_kind(value, kind)
+        if found is None or found == [] or (
+                self.minimum is not None and not self.minimum <= found <= self.maximum):
             raise ConfigurationError(f'parameter {self.name}={value!r}; expected '
-                                     f'{self.expected()}')
-        if self.minimum is not None and not self.minimum <= value <= self.maximum:
-            raise ConfigurationError(f'parameter {self.name}={value}; expected '
                                      f'{self.expected()}')
         if self.check is not None:
             with refused(f'parameter {self.name}: '):
-                self.check(value)
-        return value
+                self.check(found)
+        return found
 
 
-def _is_finite(value) -> bool:
-    """False for numbers that are not, and for lists of anything but finite numbers."""
-    if isinstance(value, list):
-        return bool(value) and all(type(v) is float and math.isfinite(v) for v in value)
-    return not isinstance(value, float) or math.isfinite(value)
+def check_vector(values: list[float]) -> None:
+    """Check of a parameter that is one vector."""
+    if len(values) != 3:
+        raise ValueError(f'{len(values)} numbers; expected x, y, z')
 
 
 def one_of(*choices: str) -> Callable[[object], None]:
@@ -178,7 +168,7 @@ def command_line_parameters(arguments: Sequence[str]) -> list[RosParameter]:
     return list(found.values())
 
 
-class ParameterValues(Mapping):
+class ParameterValues(dict):
     """Declared parameters of a node and their current values, by name.
 
     Values given at the start are declared as they are, so that a node without an impossible
@@ -195,7 +185,7 @@ class ParameterValues(Mapping):
     def __init__(self, node: Node, table: Iterable[Parameter]):
         self._node = node
         self._table = {p.name: p for p in table}
-        self._values = {name: p.default for name, p in self._table.items()}
+        super().__init__({name: p.default for name, p in self._table.items()})
         self._unsettled = set(self._table)  # declared for any type, without their ranges
         self._configured = False
         for p in self._table.values():
@@ -206,15 +196,6 @@ class ParameterValues(Mapping):
                 self._settle(p)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
-
-    def __getitem__(self, name: str):
-        return self._values[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
-
-    def __len__(self) -> int:
-        return len(self._values)
 
     def unknown(self, names: Iterable[str]) -> str:
         """That these names are not known, and what may be meant."""
@@ -248,7 +229,7 @@ class ParameterValues(Mapping):
         value = parameter.coerce(self._node.get_parameter(parameter.name).value)
         self._node.set_parameters([RosParameter(parameter.name, value=value)])
         self._node.set_descriptor(parameter.name, parameter.descriptor())
-        self._values[parameter.name] = value
+        self[parameter.name] = value
         self._unsettled.remove(parameter.name)
 
     def _check(self, parameters: list[RosParameter]) -> SetParametersResult:
@@ -263,7 +244,7 @@ class ParameterValues(Mapping):
     def _check_one(self, parameter: Parameter, value) -> None:
         value = parameter.coerce(value)
         if (self._configured and parameter.changes == CONFIGURE
-                and value != self._values[parameter.name]):
+                and value != self[parameter.name]):
             raise ConfigurationError(
                 f'parameter {parameter.name} is read when the node is configured; deactivate it '
                 'and clean it up, set the parameter, then configure and activate it again')
@@ -271,7 +252,7 @@ class ParameterValues(Mapping):
     def _apply(self, parameters: list[RosParameter]) -> None:
         for p in parameters:
             if p.name in self._table:
-                self._values[p.name] = self._table[p.name].coerce(p.value)
+                self[p.name] = self._table[p.name].coerce(p.value)
 
 
 BACKEND = Parameter(
@@ -288,10 +269,8 @@ def backend_of(parameters: Mapping[str, object]) -> str:
         A device was asked for, and there is none that works.
     """
     name = parameters[BACKEND.name]
-    try:
+    with refused(f'parameter {BACKEND.name}: ', DeviceError):
         backend(name)
-    except DeviceError as error:
-        raise ConfigurationError(f'parameter {BACKEND.name}: {error}') from error
     return name
 
 
@@ -329,9 +308,7 @@ def merged_arguments(arguments: Sequence[str], name: str, stages: Iterable[str],
     for index in range(1, len(out)):
         if out[index - 1] == _FLAG:
             merged = folder / f'{index}.yaml'
-            try:
+            with refused(f'{_FLAG} {out[index]}: ', (OSError, UnicodeDecodeError)):
                 merged.write_text(section.sub(rf'\1{name}\2', Path(out[index]).read_text()))
-            except (OSError, UnicodeDecodeError) as error:
-                raise ConfigurationError(f'{_FLAG} {out[index]}: {error}') from error
             out[index] = str(merged)
     return out

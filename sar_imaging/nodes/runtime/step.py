@@ -195,6 +195,11 @@ class Step:
     def update_counters(self) -> None:
         """Bring the counters up to date before they are published."""
 
+    def show(self, statistics: object, names: Mapping[str, str]) -> None:
+        """Set counters to what the attributes of statistics are, whose names stand by key."""
+        for key, name in names.items():
+            self.health.set(key, getattr(statistics, name))
+
     def summary(self) -> str:
         """Settings for the log line at the start."""
         return ''
@@ -273,8 +278,7 @@ class LiveStep(Step):
 
     def update_counters(self) -> None:
         """Take the statistics over."""
-        for key, name in self.STATISTICS.items():
-            self.health.set(key, getattr(self.live.statistics, name))
+        self.show(self.live.statistics, self.STATISTICS)
 
     def follow(self, work: Callable[..., list], *arguments) -> list:
         """Products of some work, whose time counts and whose events are logged."""

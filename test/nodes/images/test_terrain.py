@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.support.references import exact_image
 from msg_conversions.images import complex_from_message
+from sar_imaging import numpy_files
 from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.terrain import Terrain
 from sar_imaging.nodes.images import image_grid
@@ -39,7 +40,7 @@ def test_pixels_lie_on_the_heights_of_the_file(start_node, make_observer, psf, t
 
 def test_impossible_terrain_is_refused(start_node, tmp_path):
     Terrain([1e3, 2e3], [0.0, 1.0], np.zeros((2, 2))).save(tmp_path / 'there.npz')
-    cases = (('absent', {}, 'cannot be read'),
+    cases = (('absent', {}, 'does not exist'),
              ('there', {}, 'none of its known heights lies in the grid'),
              ('there', {'mode': 'subapertures'}, 'use mode image on terrain'))
     nodes = [start_node('backprojection', values | {'terrain.file': str(tmp_path / f'{name}.npz')})
@@ -51,10 +52,11 @@ def test_impossible_terrain_is_refused(start_node, tmp_path):
 
 
 def test_terrain_that_unpacks_to_more_than_the_memory_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(image_grid, 'available_bytes', lambda: 10_000_000)
+    monkeypatch.setattr(numpy_files, 'available_bytes', lambda: 10_000_000)
     axis = np.linspace(0.0, 1.0, 1000)
     path = tmp_path / 'flat.npz'
     Terrain(axis, axis, np.zeros((1000, 1000))).save(path)  # 8 MB of zeros
     assert path.stat().st_size < 100_000
-    with pytest.raises(ConfigurationError, match='unpacks to 8.02 MB, more than half of the mem'):
+    with pytest.raises(ConfigurationError, match='parameter terrain.file: .*height_m of flat.npz '
+                       'takes 0.008 GB, and 0.01 GB of memory are free'):
         image_grid.terrain_heights({'terrain.file': str(path)}, MapGrid((0, 0, 0), 2, 2, 0.1))

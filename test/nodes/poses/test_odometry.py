@@ -208,7 +208,7 @@ IMPOSSIBLE = [
     ({'pose.source': 'tf', 'frame_id': ''}, 'parameter frame_id is empty; expected the frame of '
      'positions and images'),
     ({'pose.source': 'odometry', 'pose.frame_id': 'map', 'frame_id': 'odom'},
-     'parameter pose.frame_id=map: the images are in frame_id=odom'),
+     'parameter pose.frame_id=map, but grid and images are in frame_id=odom'),
     *([] if TF else [({'pose.source': 'tf'}, 'tf2_ros is not installed: it comes with a ROS '
                       'installation')]),
 ]

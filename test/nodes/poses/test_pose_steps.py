@@ -214,8 +214,8 @@ def test_tf_needs_a_frame_or_is_missing():
 
 
 def test_poses_in_another_frame_than_the_images_are_no_configuration():
-    with pytest.raises(ConfigurationError, match='pose.frame_id=map: the images are in frame_id='
-                       'odom, and poses are not transformed'):
+    with pytest.raises(ConfigurationError, match='pose.frame_id=map, but grid and images are in '
+                       'frame_id=odom: poses are not transformed'):
         make(PulseBufferStep, **{'pose.source': 'pose', 'pose.frame_id': 'map',
                                  'frame_id': 'odom'})
 

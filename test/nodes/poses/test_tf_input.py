@@ -6,7 +6,8 @@ import importlib.util
 
 import pytest
 
-from sar_imaging.nodes.poses.pose_input import import_tf, split_frames
+from sar_imaging.configuration.positions import lever_arms
+from sar_imaging.nodes.poses.pose_input import check_frames, import_tf
 from sar_imaging.nodes.runtime.parameters import ConfigurationError
 
 needs_no_tf = pytest.mark.skipif(importlib.util.find_spec('tf2_ros') is not None,
@@ -14,12 +15,15 @@ needs_no_tf = pytest.mark.skipif(importlib.util.find_spec('tf2_ros') is not None
 
 
 def test_frames_are_names_with_commas_between():
-    assert split_frames('') == split_frames('  ') == []
-    assert split_frames('antenna') == ['antenna']
-    assert split_frames('radar/tx_1, radar/tx_2') == ['radar/tx_1', 'radar/tx_2']
+    arms = [(0.0, 1.0, 2.0), (3.0, 4.0, 5.0)]
+    for names, expected in (('', arms), ('  ', arms), ('antenna', ['antenna']),
+                            ('radar/tx_1, radar/tx_2', ['radar/tx_1', 'radar/tx_2'])):
+        check_frames(names)
+        given = {'antenna.tx_frames': names, 'antenna.tx': [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]}
+        assert lever_arms(given, 'antenna.tx') == expected
     for names in (',', 'a,,b', 'a,'):
         with pytest.raises(ValueError, match='has an empty name; expected frames such as'):
-            split_frames(names)
+            check_frames(names)
 
 
 @needs_no_tf
