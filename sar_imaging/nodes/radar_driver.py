@@ -26,7 +26,7 @@ from sar_imaging.signal.pulses import PulseBlock
 from .runtime.block_output import UNTAKEN, BlockOutput
 from .runtime.input_watch import CAUSES, InputWatch
 from .runtime.managed import ManagedNode, run
-from .runtime.parameters import ConfigurationError, Parameter
+from .runtime.parameters import ConfigurationError, Parameter, refused
 from .runtime.stage import COMMON_PARAMETERS
 
 PARAMETERS = (
@@ -68,7 +68,7 @@ class RadarDriverNode(ManagedNode):
         if not p['description_file']:
             raise ConfigurationError('parameter description_file is empty; name the description '
                                      'of the radar, see docs/drivers.md')
-        try:
+        with refused('description_file: ', DescriptionError):
             top = read_description(path)
             self._converter = FrameConverter(top, path.parent)
             section = top.section('samples', SAMPLE_KEYS)
@@ -76,8 +76,6 @@ class RadarDriverNode(ManagedNode):
             self._sizes = {key: sizes.integer(key) for key in ('channel', 'sample')
                            if key in sizes}
             self._axes = section.raw('axes', None)
-        except DescriptionError as error:
-            raise ConfigurationError(f'description_file: {error}') from error
         self._told = self._doubted = False
         self._output = BlockOutput(self, 'pulses', p, self.health)
 

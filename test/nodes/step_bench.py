@@ -11,8 +11,7 @@ class Log(Tally):
     """Counters of a step, and its log lines."""
 
     def __init__(self, step):
-        super().__init__(step.NAME, counters=(*step.COUNTERS, *step.FAULTS), faults=step.FAULTS,
-                         errors=())
+        super().__init__(step.NAME, counters=(*step.COUNTERS, *step.FAULTS), faults=step.FAULTS)
         self.lines = []
         self.info = self.warning = self.error = self.lines.append
 

@@ -18,6 +18,7 @@ RECENT_S = 10.0  # a fault colours the diagnostics for this long
 SEVERE_AFTER_S = 5.0  # a severe cause that lasts longer is an error
 LINES_PER_PERIOD = 20  # log lines between two diagnostics messages; the rest is counted
 MEMORY = 'memory_megabytes'
+ERRORS = 'errors'  # counter of what should never happen
 REJECTION, CHANGE = 'last_rejection', 'last_change'
 _EXPLAINED = {'blocks_rejected': REJECTION, 'configuration_changes': CHANGE}  # faults by texts
 
@@ -56,18 +57,15 @@ class Tally:
     counters : iterable of str
         Keys that are published from the start, as zeros.
     faults : iterable of str
-        Those whose increase means a warning.
-    errors : iterable of str
-        Those whose increase means an error.
+        Those whose increase means a warning; that of `ERRORS` means an error.
     """
 
-    def __init__(self, name: str, *, counters: Iterable[str], faults: Iterable[str],
-                 errors: Iterable[str]):
+    def __init__(self, name: str, *, counters: Iterable[str], faults: Iterable[str]):
         self.name = name
         self._lock = threading.Lock()
         self._values: dict[str, int | float] = dict.fromkeys(counters, 0)
         self._texts: dict[str, str] = {}
-        self._faults, self._errors = tuple(faults), tuple(errors)
+        self._faults = tuple(faults)
         self._seen: dict[str, int | float] = {}  # faults and errors when last judged
         self._risen: dict[str, tuple[float, int | float]] = {}  # when last, by how much of late
         self._causes: dict[Cause, tuple[str, float]] = {}  # text, and since when
@@ -163,13 +161,14 @@ class Tally:
 
     def _judge(self, state: str, causes: Mapping[Cause, tuple[str, float]]) -> tuple[bytes, str]:
         now = time.monotonic()
-        for key in (*self._faults, *self._errors):
-            rise, self._seen[key] = self._values[key] - self._seen.get(key, 0), self._values[key]
+        for key in (*self._faults, ERRORS):
+            value = self._values.get(key, 0)
+            rise, self._seen[key] = value - self._seen.get(key, 0), value
             since, amount = self._risen.get(key, (-math.inf, 0))
             if rise > 0:
                 self._risen[key] = now, rise + (amount if now - since < RECENT_S else 0)
         recent = {key: amount for key, (t, amount) in self._risen.items() if now - t < RECENT_S}
-        if not recent.keys().isdisjoint(self._errors):
+        if ERRORS in recent:
             return ERROR, 'errors while working, see the log'
         lasting = [(which, *causes[which]) for which in Cause if which in causes]
         for which, text, since in lasting:
@@ -191,7 +190,7 @@ class Health(Tally):
     ----------
     node : rclpy.node.Node
         Node to speak for.
-    counters, faults, errors : iterable of str
+    counters, faults : iterable of str
         See `Tally`.
 
     Attributes
@@ -200,11 +199,10 @@ class Health(Tally):
         Stages of the node with a status of their own.
     """
 
-    def __init__(self, node: Node, *, counters: Iterable[str], faults: Iterable[str],
-                 errors: Iterable[str]):
+    def __init__(self, node: Node, *, counters: Iterable[str], faults: Iterable[str]):
         self._node_name = node.get_fully_qualified_name().lstrip('/')
         super().__init__(f'{self._node_name}: stage', counters=[*counters, MEMORY],
-                         faults=faults, errors=errors)
+                         faults=faults)
         self.parts: list[Part] = []
         self._logger = node.get_logger()
         self._context = node.context
@@ -216,7 +214,7 @@ class Health(Tally):
     def part(self, name: str, *, counters: Iterable[str], faults: Iterable[str]) -> Part:
         """Add a stage with counters and a status of its own."""
         part = Part(self, f'{self._node_name}: {name}', counters=[*counters, *faults],
-                    faults=faults, errors=())
+                    faults=faults)
         self.parts.append(part)
         return part
 
@@ -285,9 +283,8 @@ class Health(Tally):
 class Part(Tally):
     """Counters of one stage of a node that has several; it logs through the node's `Health`."""
 
-    def __init__(self, health: Health, name: str, *, counters: Iterable[str],
-                 faults: Iterable[str], errors: Iterable[str]):
-        super().__init__(name, counters=counters, faults=faults, errors=errors)
+    def __init__(self, health: Health, name: str, **keys: Iterable[str]):
+        super().__init__(name, **keys)
         self.info, self.warning, self.error = health.info, health.warning, health.error
 
 

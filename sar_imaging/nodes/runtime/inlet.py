@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import abc
 import functools
 
 import numpy as np
-from std_msgs.msg import Float32MultiArray
 
 from msg_conversions import pulse_block, subaperture_image
 from sar_imaging.signal.pulses import PulseBlock
@@ -15,67 +13,44 @@ from sar_imaging.signal.pulses.sequence import COUNTER_MASK, describe_range
 from sar_imaging.streaming.subaperture_image import SubapertureImage
 
 
-class Inlet(abc.ABC):
-    """How the items of a stage's input are read, whatever they are.
+class Inlet:
+    """How the items of a stage's input are read, whatever they are; each has `n_pulses`.
 
     Parameters
     ----------
     pulses_per_aperture : int
         Length of an aperture.
+
+    A subclass has, beside what follows,
+
+    - ``read(message, *, max_elements)``: the item in a message, or raises WireFormatError;
+    - ``counters(item)``: those of its first and of its last pulse;
+    - ``stamp_ns(item)``: its time in nanoseconds, to compare with those of others;
+    - ``n_bytes(item)``: the memory that it takes while it waits;
+    - ``describe(item)``: the item in words;
+    - ``apertures(item)``: numbers of its apertures, one for each of its parts.
     """
 
     def __init__(self, pulses_per_aperture: int):
         self._length = pulses_per_aperture
 
-    @staticmethod
-    @abc.abstractmethod
-    def read(message: Float32MultiArray, *, max_elements: int):
-        """Item in a message; raises WireFormatError when there is none."""
-
-    @staticmethod
-    @abc.abstractmethod
-    def n_pulses(item) -> int:
-        """Number of pulses in an item."""
-
-    @staticmethod
-    @abc.abstractmethod
-    def last_counter(item) -> int:
-        """Counter of the last pulse of an item."""
-
-    @staticmethod
-    @abc.abstractmethod
-    def n_bytes(item) -> int:
-        """Memory that an item takes while it waits."""
-
-    @staticmethod
-    @abc.abstractmethod
-    def describe(item) -> str:
-        """The item in words."""
-
     def sound(self, item) -> tuple[object, list[int]]:
         """The item without corrupt pulses, and the counters of these."""
         return item, []
 
-    @abc.abstractmethod
-    def apertures(self, item) -> np.ndarray:
-        """Numbers of the apertures that an item belongs to, one for each of its parts."""
-
-    @abc.abstractmethod
     def extent(self, item) -> tuple[float, float]:
-        """Where an item begins in its aperture and where it ends, 0 to 1."""
-
-    @staticmethod
-    @abc.abstractmethod
-    def moment(item) -> tuple[int, int]:
-        """Counter and time in nanoseconds of an item, to compare with those of others."""
+        """Where an item begins in its first aperture and where it ends in its last, 0 to 1."""
+        length = self.pulses_per_aperture(item)
+        first, last = (counter % length for counter in self.counters(item))
+        return first / length, (last + 1) / length
 
     def pulses_per_aperture(self, item) -> int:
         """Length of an aperture."""
         return self._length
 
-    def select(self, item, parts: np.ndarray):
-        """Item of some of its parts; `parts` is a mask like `apertures`, not all false."""
-        return item
+    def split(self, item, parts: np.ndarray) -> tuple[object | None, object | None]:
+        """Item of some parts and item of the others; `parts` is a mask like `apertures`."""
+        return (item, None) if parts.all() else (None, item)
 
 
 class PulseBlocks(Inlet):
@@ -89,14 +64,14 @@ class PulseBlocks(Inlet):
         return (item, []) if good.all() else (item.select(good), item.counter[~good].tolist())
 
     @staticmethod
-    def n_pulses(item: PulseBlock) -> int:
-        """Number of pulses in a block."""
-        return item.n_pulses
+    def counters(item: PulseBlock) -> tuple[int, int]:
+        """Counters of the first and of the last pulse of a block."""
+        return int(item.counter[0]), int(item.counter[-1])
 
     @staticmethod
-    def last_counter(item: PulseBlock) -> int:
-        """Counter of the last pulse of a block."""
-        return int(item.counter[-1])
+    def stamp_ns(item: PulseBlock) -> int:
+        """Of the first pulse."""
+        return int(item.stamp_ns[0])
 
     @staticmethod
     def n_bytes(item: PulseBlock) -> int:
@@ -112,19 +87,12 @@ class PulseBlocks(Inlet):
         """(P,) number of the aperture of each pulse."""
         return item.counter // np.uint32(self._length)
 
-    def extent(self, item: PulseBlock) -> tuple[float, float]:
-        """Where a block begins in the aperture of its first pulse, where in that of its last."""
-        first, last = int(item.counter[0]) % self._length, int(item.counter[-1]) % self._length
-        return first / self._length, (last + 1) / self._length
-
-    @staticmethod
-    def moment(item: PulseBlock) -> tuple[int, int]:
-        """Of the first pulse."""
-        return int(item.counter[0]), int(item.stamp_ns[0])
-
-    def select(self, item: PulseBlock, parts: np.ndarray) -> PulseBlock:
-        """Some of the pulses."""
-        return item.select(parts)
+    def split(self, item: PulseBlock, parts: np.ndarray
+              ) -> tuple[PulseBlock | None, PulseBlock | None]:
+        """Some of the pulses, and the others."""
+        if parts.all() or not parts.any():
+            return super().split(item, parts)
+        return item.select(parts), item.select(~parts)
 
 
 class UncheckedPulses(PulseBlocks):
@@ -139,14 +107,14 @@ class SubapertureImages(Inlet):
     read = staticmethod(subaperture_image.from_message)
 
     @staticmethod
-    def n_pulses(item: SubapertureImage) -> int:
-        """Number of pulses in an image."""
-        return item.n_pulses
+    def counters(item: SubapertureImage) -> tuple[int, int]:
+        """Counters of its first and last pulse, whether they came or not."""
+        return item.first_counter, (item.first_counter + item.length - 1) & COUNTER_MASK
 
     @staticmethod
-    def last_counter(item: SubapertureImage) -> int:
-        """Counter of the last pulse of a sub-aperture, whether it came or not."""
-        return (item.first_counter + item.length - 1) & COUNTER_MASK
+    def stamp_ns(item: SubapertureImage) -> int:
+        """Of its middle."""
+        return item.stamp_ns
 
     @staticmethod
     def n_bytes(item: SubapertureImage) -> int:
@@ -161,16 +129,6 @@ class SubapertureImages(Inlet):
     def apertures(self, item: SubapertureImage) -> np.ndarray:
         """(1,) number of its aperture."""
         return np.array([item.aperture])
-
-    def extent(self, item: SubapertureImage) -> tuple[float, float]:
-        """Where in its aperture it begins and ends, 0 to 1."""
-        first = item.first_counter % item.pulses_per_aperture
-        return first / item.pulses_per_aperture, (first + item.length) / item.pulses_per_aperture
-
-    @staticmethod
-    def moment(item: SubapertureImage) -> tuple[int, int]:
-        """Its first counter; its time is that of its middle."""
-        return item.first_counter, item.stamp_ns
 
     def pulses_per_aperture(self, item: SubapertureImage) -> int:
         """As the sender cuts them, whatever the parameter of this node is."""

@@ -29,13 +29,14 @@ from rclpy.subscription import Subscription
 
 from sar_imaging.configuration.parameters import foreign
 
-from .health import Health
+from .health import ERRORS, Health
 from .parameters import (
     START,
     ConfigurationError,
     Parameter,
     ParameterValues,
     command_line_parameters,
+    refused,
 )
 from .worker import works_aside
 
@@ -89,8 +90,7 @@ class ManagedNode(LifecycleNode):
                  faults: Iterable[str]):
         super().__init__(self.NAME, parameter_overrides=command_line_parameters(sys.argv))
         faults = (*faults, 'qos_incompatible')
-        self.health = Health(self, counters=(*counters, *faults, 'errors'), faults=faults,
-                             errors=('errors',))
+        self.health = Health(self, counters=(*counters, *faults, ERRORS), faults=faults)
         self.parameters = ParameterValues(self, (*parameters, AUTOSTART))
         if misspelt := foreign(self._parameter_overrides.keys() - self.parameters.keys()):
             self.health.warning(self.parameters.unknown(misspelt))
@@ -138,7 +138,7 @@ class ManagedNode(LifecycleNode):
             if event.current_count_change > 0:
                 joined()
 
-        try:
+        with refused(f'QoS override of {topic}: ', QOS_ERRORS):
             publisher = self.create_publisher(
                 message_type, topic, qos,
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
@@ -146,8 +146,6 @@ class ManagedNode(LifecycleNode):
                     incompatible_qos=functools.partial(self.report_incompatible_qos, topic,
                                                        'publisher'),
                     matched=matched))
-        except QOS_ERRORS as error:
-            raise ConfigurationError(f'QoS override of {topic}: {error}') from error
         self.outputs.append(publisher)
         return publisher
 
@@ -162,15 +160,13 @@ class ManagedNode(LifecycleNode):
         ConfigurationError
             A QoS override makes no sense.
         """
-        try:
+        with refused(f'QoS override of {topic}: ', QOS_ERRORS):
             subscription = self.create_subscription(
                 message_type, topic, callback, qos,
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
                 event_callbacks=SubscriptionEventCallbacks(
                     incompatible_qos=functools.partial(self.report_incompatible_qos, topic,
                                                        'subscription'), **events))
-        except QOS_ERRORS as error:
-            raise ConfigurationError(f'QoS override of {topic}: {error}') from error
         self.activity.callback(self.destroy_subscription, subscription)
         return subscription
 
@@ -210,7 +206,7 @@ class ManagedNode(LifecycleNode):
 
     def report_error(self, error: BaseException, what: str) -> None:
         """Count and log what should never happen."""
-        self.health.count('errors')
+        self.health.count(ERRORS)
         self.health.error(f'{what}:\n' + ''.join(traceback.format_exception(error)))
 
     def set_parameters_atomically(self, parameter_list) -> SetParametersResult:
@@ -314,7 +310,8 @@ def run(node_class: type[ManagedNode], args: list[str] | None = None) -> int:
     signal.signal(signal.SIGINT, lambda *_: interrupted.set())
     node = executor = None
     try:
-        _init(args)
+        with refused('ROS arguments: ', RuntimeError):  # which rclpy cannot parse
+            rclpy.init(args=args)
         if not interrupted.is_set():
             executor = SingleThreadedExecutor()  # later, Ctrl-C may have shut its context down
             node = _created(node_class)
@@ -362,10 +359,3 @@ def fail(name: str, error: ConfigurationError) -> int:
     """Log why a node cannot start; returns the exit code."""
     get_logger(name).fatal(str(error))
     return 1
-
-
-def _init(args: list[str] | None) -> None:
-    try:
-        rclpy.init(args=args)
-    except RuntimeError as error:  # what rclpy makes of ROS arguments that it cannot parse
-        raise ConfigurationError(f'ROS arguments: {error}') from error

@@ -121,12 +121,9 @@ class AgeLimit:
                 self._skip(number)
         if self._verdicts[int(numbers[-1])] is self._current:
             self._compare(item, place, waited_s)
-        out = np.array([self._verdicts[number].left_out for number in numbers.tolist()])
-        if not out.any():
-            return item, begun, None
-        if out.all():
-            return None, begun, item
-        return self._inlet.select(item, ~out), begun, self._inlet.select(item, out)
+        kept, dropped = self._inlet.split(item, np.array(
+            [not self._verdicts[number].left_out for number in numbers.tolist()]))
+        return kept, begun, dropped
 
     def _begins(self, number: int, item) -> bool:
         """Whether an aperture begins: with a new number, or as the loop of a recording."""
@@ -171,7 +168,7 @@ class AgeLimit:
 
     def _compare(self, item, place: float, waited_s: float) -> None:
         """Note how long an item waited, beside that at its place in the aperture before."""
-        current, counter = self._current, self._inlet.moment(item)[0]
+        current, counter = self._current, self._inlet.counters(item)[0]
         if not current.places or place > current.places[-1]:
             current.places.append(place)
             current.waits_s.append(waited_s)
@@ -183,7 +180,7 @@ class AgeLimit:
                                   >= _LASTING * self._inlet.pulses_per_aperture(item))
 
     def _pace(self, item, received_s: float) -> None:
-        counter, stamp_ns = self._inlet.moment(item)
+        counter, stamp_ns = self._inlet.counters(item)[0], self._inlet.stamp_ns(item)
         if self._start is None or not 0 < counter - self._start[0]:
             self._start = counter, stamp_ns, received_s
             return
@@ -314,12 +311,8 @@ class Load(Worker):
         """What is not of the aperture left out, and what is."""
         if self.skipped is None:
             return item, []
-        outside = self._inlet.apertures(item) == self.skipped
-        if outside.all():
-            return None, [item]
-        if not outside.any():
-            return item, []
-        return self._inlet.select(item, ~outside), [self._inlet.select(item, outside)]
+        kept, outside = self._inlet.split(item, self._inlet.apertures(item) != self.skipped)
+        return kept, [] if outside is None else [outside]
 
     def _in_time(self, item, received_s: float):
         """What of an item does not come too late, None for nothing."""
@@ -330,7 +323,7 @@ class Load(Worker):
             self._behind_until_s = max(self._behind_until_s, now + _HOLD_S)
         if dropped is not None:
             self._behind_until_s = now + max(self._limit_s, _HOLD_S)
-            self._health.count('pulses_too_old', self._inlet.n_pulses(dropped))
+            self._health.count('pulses_too_old', dropped.n_pulses)
         for aperture in begun:
             self._health.count('apertures_too_old')
             self._health.warning(

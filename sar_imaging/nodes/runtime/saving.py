@@ -1,11 +1,9 @@
-"""Files that nodes write when asked to: where, under which name, and in a thread of their own."""
+"""Files that nodes write when asked to: where, and under which name."""
 
 from __future__ import annotations
 
-import concurrent.futures
 import datetime
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 from .parameters import ANY_TIME, Parameter
@@ -29,22 +27,3 @@ def file_stem(stamp_ns: int) -> str:
     seconds, rest = divmod(int(stamp_ns), 10**9)
     epoch = datetime.datetime(1970, 1, 1)
     return f'{epoch + datetime.timedelta(seconds=seconds):%Y%m%dT%H%M%S}.{rest:09d}Z'
-
-
-class FileThread:
-    """One thread that writes, so that neither callbacks nor the worker wait for a disk."""
-
-    def __init__(self):
-        self._pool: concurrent.futures.ThreadPoolExecutor | None = None
-
-    def call(self, write: Callable[[], str]) -> concurrent.futures.Future:
-        """Call a function in the thread; its result or exception goes into the future."""
-        if self._pool is None:
-            self._pool = concurrent.futures.ThreadPoolExecutor(1, 'files')
-        return self._pool.submit(write)
-
-    def close(self) -> None:
-        """Finish the file in work; no more."""
-        if self._pool is not None:
-            self._pool.shutdown()
-            self._pool = None

@@ -6,12 +6,12 @@ a node prepares itself its executor waits, and pulses may come already: that is 
 
 from __future__ import annotations
 
-import concurrent.futures
 import contextlib
 import functools
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future as Call, ThreadPoolExecutor
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.exceptions import NotInitializedException
@@ -29,13 +29,12 @@ from ...compilation import counted, interruptible
 from ...configuration.datum import NONE, SOURCES, configured_datum
 from ...signal.pulses.block import CORRUPT
 from ...signal.pulses.sequence import describe_counters
-from .health import REJECTION, Cause, Rates
+from .health import ERRORS, REJECTION, Cause, Rates
 from .inlet import Inlet
 from .input_watch import CAUSES, InputWatch
 from .managed import DIAGNOSTICS_PERIOD_S, ManagedNode, RCLError
 from .overload import APERTURES, FAULTS, POLICIES, Load
 from .parameters import ANY_TIME, Parameter, one_of, refused
-from .saving import FileThread
 from .step import Chain, Step, stream_qos
 
 CONTEXT_ENDED = RCLError, NotInitializedException, ExternalShutdownException
@@ -110,7 +109,7 @@ class Preparation(contextlib.ExitStack):
     def _count(self, message: Float32MultiArray) -> None:
         with contextlib.suppress(WireFormatError):
             item = self._inlet.read(message, max_elements=2**31)
-            self._node.health.count('pulses_before_ready', self._inlet.n_pulses(item))
+            self._node.health.count('pulses_before_ready', item.n_pulses)
 
 
 PATIENCE_S = 3.0  # with a block in work, after Ctrl-C
@@ -194,7 +193,7 @@ class Stage(ManagedNode):
         if self.STEPS[-1].FORMS_IMAGES:
             self.create_service(Trigger, '~/form_image', self._form_image,
                                 callback_group=self.service_group)
-        self._files = FileThread()
+        self._files = ThreadPoolExecutor(1, 'files')  # neither callbacks nor the worker wait
         if self.STEPS[-1].SAVE_SERVICE:  # other services do not wait for a disk
             self.create_service(Trigger, f'~/{self.STEPS[-1].SAVE_SERVICE}', self._save,
                                 callback_group=MutuallyExclusiveCallbackGroup())
@@ -256,8 +255,8 @@ class Stage(ManagedNode):
 
     def cleanup(self) -> None:
         """Finish the file in work and forget the steps; see `ManagedNode.cleanup`."""
-        self._files.close()
-        self._chain = None
+        self._files.shutdown()
+        self._files, self._chain = ThreadPoolExecutor(1, 'files'), None
 
     def in_worker(self, work: Callable[[], None]) -> None:
         """Have something done in the worker's thread, soon; for the steps' callbacks."""
@@ -285,9 +284,9 @@ class Stage(ManagedNode):
         if corrupt:
             self._healths[self.STEPS[0]].count('pulses_corrupt', len(corrupt))
             self.health.warning(f'{CORRUPT}: {describe_counters(corrupt)}')
-            if not self._inlet.n_pulses(item):
+            if not item.n_pulses:
                 return
-        self._rates.add(self._inlet.n_pulses(item), 4 * len(message.data))
+        self._rates.add(item.n_pulses, 4 * len(message.data))
         self._worker.offer(item, time.monotonic())
         if self._worker.look():  # not a second later
             self.publish_diagnostics()
@@ -295,7 +294,7 @@ class Stage(ManagedNode):
     def _work(self, item, kept, received_s: float) -> None:
         if kept is not None:
             self._chain.steps[0].work(kept, received_s)
-        self._progress.publish(UInt32(data=self._inlet.last_counter(item)))
+        self._progress.publish(UInt32(data=self._inlet.counters(item)[1]))
 
     def _reject(self, which: str, error: Exception) -> None:
         self.health.count('blocks_rejected')
@@ -310,7 +309,7 @@ class Stage(ManagedNode):
         if not self.context.ok():  # publishing fails once Ctrl-C has shut the context down
             return
         if isinstance(error, DeviceError):
-            self.health.count('errors')
+            self.health.count(ERRORS)
             self.health.error(f'{error}; the node continues')
         else:
             self.report_error(error, 'error while working, the node continues')
@@ -328,7 +327,7 @@ class Stage(ManagedNode):
             return False, f'{call.exception()}; see the log'
         return call.result()
 
-    async def _ended(self, call: concurrent.futures.Future) -> concurrent.futures.Future:
+    async def _ended(self, call: Call) -> Call:
         """A call in another thread, once it has ended."""
         done = Future()
 
@@ -353,7 +352,7 @@ class Stage(ManagedNode):
         response.success, response.message = await self._in_worker(prepare)
         if not response.success:
             return response
-        call = await self._ended(self._files.call(writes[0]))
+        call = await self._ended(self._files.submit(writes[0]))
         error = call.exception()
         response.success = error is None
         response.message = call.result() if error is None else str(error)
@@ -378,7 +377,7 @@ class Stage(ManagedNode):
 
     def _report_discarded(self, why: str, waiting: list[tuple[object, float]],
                           n_underway: int) -> str:
-        n_waiting = sum(self._inlet.n_pulses(item) for item, _ in waiting)
+        n_waiting = sum(item.n_pulses for item, _ in waiting)
         self.health.count('pulses_discarded', n_waiting + n_underway)
         text = (f'dropped {n_waiting} pulses that waited and {n_underway} underway'
                 if n_waiting + n_underway else 'no pulses were underway')

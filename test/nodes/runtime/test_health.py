@@ -31,8 +31,7 @@ def clock(monkeypatch):
 
 @pytest.fixture
 def tally():
-    return Tally('stage', counters=('blocks', 'lost', 'errors'), faults=('lost',),
-                 errors=('errors',))
+    return Tally('stage', counters=('blocks', 'lost', 'errors'), faults=('lost',))
 
 
 def judgement(tally):

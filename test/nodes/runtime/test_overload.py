@@ -33,7 +33,7 @@ class Slow:
         self._permits = threading.Semaphore(0)
         self._worked = threading.Semaphore(0)
         self._busy = threading.Semaphore(0)
-        health = Tally('stage', counters=FAULTS, faults=FAULTS, errors=())
+        health = Tally('stage', counters=FAULTS, faults=FAULTS)
         health.warning = lambda text: None
         self.worker = Load(
             self._work, PulseBlocks(LENGTH),
