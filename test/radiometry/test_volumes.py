@@ -58,12 +58,14 @@ def test_knots_and_some_pulses_stand_for_all():
     pointing = Pointing.steered(double[0][:, 0], flight.grid.centre_m)
     scale = volume_scale(grid, *double, RadarConstant(GAIN, 1e-3), pattern=pattern,
                          pointing=pointing)
-    lit = Illumination.of_pulses(pattern, pointing, *double).amplitude(grid.points())
-    far = np.linalg.norm(double[0][:, 0] - grid.points()[..., None, :], axis=-1)
-    lit = np.moveaxis(lit.reshape(len(far[0, 0, 0]), *grid.shape), 0, -1)
+    some = (slice(None, None, 4), slice(None, None, 3), slice(None, None, 3))
+    points = grid.points()[some]
+    lit = Illumination.of_pulses(pattern, pointing, *double).amplitude(points)
+    far = np.linalg.norm(double[0][:, 0] - points[..., None, :], axis=-1)
+    lit = np.moveaxis(lit.reshape(len(lit), *points.shape[:3]), 0, -1)
     amplitude = (lit**2 / far**2).sum(axis=-1)
     # 3e-4 measured: the 256 pulses that stand for 392 do not lie evenly
-    np.testing.assert_allclose(scale.factors() * GAIN * amplitude, 1.0, rtol=1e-3)
+    np.testing.assert_allclose(scale.factors()[some] * GAIN * amplitude, 1.0, rtol=1e-3)
     part = (slice(3, 7), slice(1, 30), slice(None))
     assert np.array_equal(scale.factors(*part), scale.factors()[part])
     noise = np.median(1e-3 * (lit**2).sum(axis=-1) / (GAIN * amplitude) ** 2)
