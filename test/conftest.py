@@ -39,9 +39,12 @@ compile_once()
 
 # The files that compile the largest kernels, and between them some that need none: of processes
 # that begin side by side with files that need the same kernels one compiles and the others wait.
+# Then those of a minute or so: one that begins last would be waited for alone.
 FIRST = ('backends/test_lit_kernels.py', 'backends/test_beams.py', 'archive/test_processes.py',
          'backends/test_correlation.py', 'backends/test_project_lines.py',
-         'archive/test_runner.py', 'archive/test_cluster.py')
+         'archive/test_runner.py', 'archive/test_cluster.py', 'diagnosis/test_doctor_rules.py',
+         'docs/test_site.py', 'backends/test_processors.py', 'archive/test_command.py',
+         'tools/evaluation/test_evaluate.py', 'tools/evaluation/test_evaluate_nodes.py')
 
 
 def pytest_collection_modifyitems(items):
