@@ -378,6 +378,8 @@ def derive(acquisition: Acquisition, imaging: Imaging, machine: Machine) -> Deri
     blocks = imaging.pulses_per_block * pulse
     n_pixels = imaging.n_pixels
     rows = imaging.pulses_per_aperture * a.n_channels
+    sizes = {'block_bytes': blocks * a.n_samples, 'profile_block_bytes': blocks * n_profile,
+             'aperture_bytes': imaging.pulses_per_aperture * pulse * n_profile}
     return Derived(
         scene=scene, profile_radar=profile_radar, n_profile=n_profile,
         window_m=_window(a, profile_radar, n_profile),
@@ -392,14 +394,9 @@ def derive(acquisition: Acquisition, imaging: Imaging, machine: Machine) -> Deri
         least_prf_hz=2 * a.speed_m_per_s * illuminated / shortest,
         largest_prf_hz=radar.sample_rate_hz / a.n_samples,
         input_rate=a.prf_hz * pulse * a.n_samples, profile_rate=a.prf_hz * pulse * n_profile,
-        block_bytes=blocks * a.n_samples, profile_block_bytes=blocks * n_profile,
-        aperture_bytes=imaging.pulses_per_aperture * pulse * n_profile, n_pixels=n_pixels,
-        imaging_s=n_pixels * rows / machine.rate_per_s,
+        **sizes, n_pixels=n_pixels, imaging_s=n_pixels * rows / machine.rate_per_s,
         obstacle_map_s=_obstacle_map_s(imaging, n_pixels, range_null, azimuth_null),
-        memory=node_memory(imaging, n_pixels, block_bytes=blocks * a.n_samples,
-                           profile_block_bytes=blocks * n_profile,
-                           pulse_bytes=pulse * a.n_samples,
-                           aperture_bytes=imaging.pulses_per_aperture * pulse * n_profile))
+        memory=node_memory(imaging, n_pixels, pulse_bytes=pulse * a.n_samples, **sizes))
 
 
 def _illuminated_directions(acquisition: Acquisition, scene: SceneExtent) -> float:

@@ -84,10 +84,8 @@ class FusionStep(LiveStep):
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part):
         super().__init__(parameters, health)
-        self.live = LiveFusion(images_every=parameters['images_every'],
-                                  min_pulse_fraction=parameters['min_pulse_fraction'],
-                                  max_image_pixels=parameters['max_image_pixels'],
-                                  backend=backend_of(parameters))
+        self.live = LiveFusion(max_image_pixels=parameters['max_image_pixels'],
+                               backend=backend_of(parameters))
         if parameters[PHASE_GRADIENT.name]:
             self.live.focus = PolarFocus(health)
         most = parameters['strip_max_pixels']

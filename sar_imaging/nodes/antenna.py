@@ -10,9 +10,7 @@ from sar_imaging.configuration.antenna import (
     PATTERN_CHOICES,
     POINTING_CHOICES,
     antenna_of,
-    mount_of,
 )
-from sar_imaging.geometry.antenna import Mount
 from sar_imaging.geometry.illumination import AntennaPattern
 
 from .runtime.parameters import Parameter, check_vector, one_of, refused
@@ -70,15 +68,3 @@ POINTING_PARAMETERS = (
     Parameter('antenna.rotation_start_s', 0.0, 'For rotation: time of the start on the clock of '
               'the pulses.', 's', -1e10, 1e10),
 )
-
-
-def mount_from(parameters: Mapping[str, object]) -> Mount | None:
-    """Mount that the parameters describe; None where pulses tell the pointing themselves.
-
-    Raises
-    ------
-    ConfigurationError
-        They describe none.
-    """
-    with refused('parameter '):
-        return mount_of(parameters)

@@ -144,11 +144,8 @@ class BackprojectionStep(LiveStep):
     def create(cls, parameters: Mapping[str, object],
                health: Health | Part) -> BackprojectionStep:
         """Step of the mode that the parameters ask for."""
-        if parameters['mode'] == IMAGE:
-            return ImageStep(parameters, health)
-
-        kind = VolumeStep if parameters['mode'] == VOLUME else SubapertureStep
-        return kind(parameters, health)
+        kinds = {IMAGE: ImageStep, VOLUME: VolumeStep, SUBAPERTURES: SubapertureStep}
+        return kinds[parameters['mode']](parameters, health)
 
     def process(self, block: PulseBlock) -> list:
         """Add profiles to their aperture; returns the products that became complete."""
@@ -220,9 +217,7 @@ class ImageStep(BackprojectionStep):
         with refused(f'parameters method and {PATTERN.name}: '):
             self.live = ApertureImager(
                 self._pixels, pulses_per_aperture=parameters['pulses_per_aperture'],
-                min_pulse_fraction=parameters['min_pulse_fraction'],
-                target_db=parameters['target_db'],
-                height_m=self._heights_m,
+                target_db=parameters['target_db'], height_m=self._heights_m,
                 keep_pulses=self._focus is not None, method=parameters['method'],
                 illumination=self._pattern, backend=chosen)
         self._brightness = ImageBrightness(parameters, self._pattern, health)

@@ -77,8 +77,7 @@ class MovingTargetsStep(LiveStep):
             largest_speed_m_per_s=parameters['largest_speed'] or None,
             window=parameters['window'], texture=parameters['clutter'])
         self.live = LiveMovingTargets(
-            finder, pulses_per_aperture=parameters['pulses_per_aperture'],
-            min_pulse_fraction=parameters['min_pulse_fraction'])
+            finder, pulses_per_aperture=parameters['pulses_per_aperture'])
         self._datum = DatumInput(parameters, health)
         self._latest: tuple[int, np.ndarray] | None = None  # time and points
         compile_beforehand('Backprojection')  # the first search must not wait for it

@@ -8,13 +8,14 @@ import time
 from collections.abc import Mapping
 
 from msg_conversions.pulse_block import as_received
+from sar_imaging.configuration.antenna import mount_of
 from sar_imaging.configuration.datum import check_fixes
 from sar_imaging.configuration.positions import plain_frame
 from sar_imaging.signal.positioning import PointingFinder, Positioner
 from sar_imaging.signal.pulses import PulseBlock, check_frame
 from sar_imaging.signal.pulses.buffer import PulseBuffer
 
-from .antenna import POINTING_PARAMETERS, mount_from
+from .antenna import POINTING_PARAMETERS
 from .poses.fix_input import HEADING_BASELINE, DatumFinder
 from .poses.frame_datum import DatumOutput
 from .poses.pose_input import (
@@ -83,7 +84,8 @@ class PulseBufferStep(Step):
         self._poses = self._positioner = self._finder = None
         self._woken = False
         self._frame = plain_frame(parameters['frame_id'])
-        self._mount = mount_from(parameters)
+        with refused('parameter '):
+            self._mount = mount_of(parameters)
         self._pointing = (PointingFinder(self._mount)
                           if self._mount is not None and not self._mount.needs_attitude else None)
         self._unpointed = ''  # why the latest pulses got no pointing
@@ -91,7 +93,7 @@ class PulseBufferStep(Step):
             check_fixes(parameters)
         self._datum = DatumOutput(parameters, health)
         if parameters['pose.source'] != BLOCK:
-            self._poses = PoseInput(parameters, health, self._pose_came, self._datum)
+            self._poses = PoseInput(parameters, health, self._datum, self._pose_came)
             if self._datum.awaited and self._poses.of_fixes is None:
                 self._finder = DatumFinder(parameters, health, self._datum)
 

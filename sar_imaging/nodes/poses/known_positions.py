@@ -51,7 +51,7 @@ class KnownPositions:
         self._alignment: Alignment | None = None
         self._poses: PoseTrack | None = None
         if not self._of_pulses:
-            self._input = PoseInput(parameters, health, self._pose_came, datum)
+            self._input = PoseInput(parameters, health, datum)
             self._poses = track_from(parameters)
         self.pulses = PulseTracks(REMEMBERED * parameters['pulses_per_aperture'], 2 * reach_s)
         self._last_input_s = time.monotonic()
@@ -119,6 +119,3 @@ class KnownPositions:
             self._last_input_s = time.monotonic()
             if self._poses.add(*pose) == PoseVerdict.RESTART:
                 self._poses = self._poses.successor()
-
-    def _pose_came(self) -> None:
-        """Poses wait until an image asks for them."""

@@ -269,10 +269,10 @@ class PoseInput:
         Current values of `PARAMETERS`, `pose.source` not being `block`.
     health : Health or Part
         Log.
-    on_pose : callable
-        Called after every pose, in the thread of the callbacks.
     datum : FrameDatum or None
         Datum of the imaging frame, for poses from fixes alone.
+    on_pose : callable
+        Called after every pose, in the thread of the callbacks; without it they wait for `take`.
 
     Attributes
     ----------
@@ -291,7 +291,7 @@ class PoseInput:
     """
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part,
-                 on_pose: Callable[[], None], datum: FrameDatum | None):
+                 datum: FrameDatum | None, on_pose: Callable[[], None] = lambda: None):
         self._parameters, self._health, self._on_pose = parameters, health, on_pose
         self._source = parameters['pose.source']
         self._poses: collections.deque = collections.deque(maxlen=CAPACITY)

@@ -316,7 +316,8 @@ class Stage(ManagedNode):
 
     # ------------------------------------------------------------------------- services
 
-    async def _in_worker(self, work: Callable[[], tuple[bool, str]]) -> tuple[bool, str]:
+    async def _in_worker(self, work: Callable[[], tuple[bool, object]]
+                         ) -> tuple[bool, object]:
         if self._worker is None:
             return False, f'the node is {self.state}; activate it first'
         call = await self._ended(self._worker.call(work))
@@ -340,19 +341,17 @@ class Stage(ManagedNode):
         return await done
 
     async def _save(self, request, response):
-        writes = []
-
         def prepare():
             try:
-                writes.append(self._chain.steps[-1].saving())
+                return True, self._chain.steps[-1].saving()
             except ValueError as error:
                 return False, str(error)
-            return True, ''
 
-        response.success, response.message = await self._in_worker(prepare)
+        response.success, found = await self._in_worker(prepare)
         if not response.success:
+            response.message = found
             return response
-        call = await self._ended(self._files.submit(writes[0]))
+        call = await self._ended(self._files.submit(found))
         error = call.exception()
         response.success = error is None
         response.message = call.result() if error is None else str(error)

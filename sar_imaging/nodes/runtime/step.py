@@ -229,7 +229,7 @@ class LiveStep(Step):
     live : ApertureSequence or LiveFusion
         That class.
     LIVE_PARAMETERS : tuple of str
-        Parameters that are attributes of it.
+        Parameters that are attributes of it, set before each work.
     STATISTICS : mapping
         Names of its statistics by the counters that show them.
     WORK, UNDERWAY : str

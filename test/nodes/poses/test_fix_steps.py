@@ -49,7 +49,7 @@ def listening():
     datum = DatumInput(step.parameters, log)
     datum.activate(node)
     came = []
-    poses = PoseInput(step.parameters, log, lambda: came.append(1), datum)
+    poses = PoseInput(step.parameters, log, datum, lambda: came.append(1))
     poses.activate(node)
     return types.SimpleNamespace(node=node, datum=datum, poses=poses, came=came, log=log)
 
