@@ -163,15 +163,15 @@ def _check_profiles(d: Derived):
 def _check_window(d: Derived):
     near, far = d.scene.near_m, d.scene.far_m
     start, stop = d.window_m
-    cover = f'the scene lies {near:.4g} to {far:.4g} m away, the profiles cover {start:.4g} to ' \
-            f'{stop:.4g} m'
+    extents = (f'the scene lies {near:.4g} to {far:.4g} m away, the profiles cover {start:.4g} '
+               f'to {stop:.4g} m')
     if near > stop or far < start:
-        yield Finding('error', f'{cover}: nothing of it was recorded; move the range window '
+        yield Finding('error', f'{extents}: nothing of it was recorded; move the range window '
                       '(radar.range_start_m) or the grid', from_track=True)
     elif near < start or far > stop:
-        share = (min(far, stop) - max(near, start)) / max(far - near, 1e-12)
-        yield Finding('warning', f'{cover}, {100 * share:.0f} % of its depth; the rest of the '
-                      'image stays dark: record a longer window or make the grid smaller',
+        covered = (min(far, stop) - max(near, start)) / max(far - near, 1e-12)
+        yield Finding('warning', f'{extents}, {100 * covered:.0f} % of its depth; the rest of '
+                      'the image stays dark: record a longer window or make the grid smaller',
                       from_track=True)
     if far - near > d.unambiguous_depth_m:
         yield Finding('error', f'the scene is {far - near:.4g} m deep, the frequency step repeats '

@@ -84,10 +84,10 @@ def check_fixes(values: Mapping[str, object]) -> None:
         raise ValueError(f'datum.heading_deg={values["datum.heading_deg"]:g} and {_BASELINE}='
                          f'{baseline_m:g}: the heading is either given or found; set one to 0.0')
     if poses == 'fix':
-        turned = [name for name in _ARMS if any(values[name])]
-        turned += [name for name in _ARM_FRAMES if values[name].strip()]
-        if turned:
-            raise ValueError(f'{", ".join(turned)}: lever arms turn with the platform, and '
+        arms = [name for name in _ARMS if any(values[name])]
+        arms += [name for name in _ARM_FRAMES if values[name].strip()]
+        if arms:
+            raise ValueError(f'{", ".join(arms)}: lever arms turn with the platform, and '
                              'pose.source=fix has no attitude: set pose.source to fix_imu, or '
                              'the lever arms to 0.0')
 

@@ -171,9 +171,9 @@ def choose_grid(coverage: Coverage, centre_m, *, plane: str = 'ground', area_m=N
         _check_positive(**{'size_m[0]': size_m[0], 'size_m[1]': size_m[1]})
     elif area_m is not None:
         size_m = _around(np.asarray(area_m, float), centre, axes)
-        size_m, share = _covered_part(coverage, centre, axes, size_m)
+        size_m, fraction = _covered_part(coverage, centre, axes, size_m)
         reasons.append(f'size {size_m[0]:.4g} m by {size_m[1]:.4g} m: the area that the file '
-                       f'names{"" if share == 1.0 else ", as far as its profiles cover it"} '
+                       f'names{"" if fraction == 1.0 else ", as far as its profiles cover it"} '
                        '(--size changes it)')
     else:
         size_m = _footprint(coverage, centre, axes, plane)
@@ -222,11 +222,11 @@ def _around(area, centre, axes) -> tuple[float, float]:
 def _covered_part(coverage: Coverage, centre, axes, size_m):
     """Size of the part of an area, around its middle, that all profiles cover, and its share."""
     half = np.array(size_m) / 2
-    share = 1.0
+    fraction = 1.0
     if coverage.covers(centre[None]).all():
-        share = _bisect(lambda s: bool(coverage.covers(_outline(centre, axes, s * half)).all()),
+        fraction = _bisect(lambda s: bool(coverage.covers(_outline(centre, axes, s * half)).all()),
                         1.0)
-    return tuple(float(share * size) for size in size_m), share
+    return tuple(float(fraction * size) for size in size_m), fraction
 
 
 def _outline(centre, axes, half) -> np.ndarray:
@@ -256,13 +256,13 @@ def _footprint(coverage: Coverage, centre, axes, plane: str) -> tuple[float, flo
     half = np.array([abs(away @ axis) * half_away + abs(beside @ axis) * half_beside
                      for axis in axes])
 
-    def fits(share: float) -> bool:
-        points = _outline(centre, axes, share * half)
+    def fits(fraction: float) -> bool:
+        points = _outline(centre, axes, fraction * half)
         return bool(coverage.covers(points).all()
                     and (np.abs((points - centre) @ beside) <= half_beside * (1 + 1e-9)).all())
 
-    share = _bisect(fits, 1.0)
-    return tuple(float(2 * share * side) for side in half)
+    fraction = _bisect(fits, 1.0)
+    return tuple(float(2 * fraction * side) for side in half)
 
 
 def _reach(coverage: Coverage, centre, direction) -> float:
@@ -296,8 +296,8 @@ def _bounded(size_m, spacing_m: float, memory_bytes: float, asked: bool, reasons
             f'{size_m[0]:g} m by {size_m[1]:g} m at {spacing_m:g} m take {n_bytes / 1e9:.2g} GB, '
             f'{memory_bytes / 1e9:.2g} GB are allowed; ask for a smaller --size or a larger '
             '--spacing, or allow more --memory')
-    share = math.sqrt(memory_bytes / n_bytes)
-    size_m = tuple(max(least, share * size) for size in size_m)
+    fraction = math.sqrt(memory_bytes / n_bytes)
+    size_m = tuple(max(least, fraction * size) for size in size_m)
     reasons.append(f'cut to {size_m[0]:.4g} m by {size_m[1]:.4g} m around the middle, which '
                    f'{memory_bytes / 1e9:.2g} GB hold at this spacing (--memory or --spacing '
                    'changes it)')

@@ -153,7 +153,7 @@ class ApertureImager(ApertureSequence):
         self._method, self._grows, self._backend = method, method == EXACT, backend
         self._image: Image | None = None  # of the aperture being filled, where it grows
         self._illumination = illumination
-        self._like = to_device(np.zeros((1, 1), np.complex64)) if backend == CUDA else None
+        self._device_array = to_device(np.zeros((1, 1), np.complex64)) if backend == CUDA else None
         for name in (EXACT, AFBP) if method == AUTO else (method,):
             kind = method_class(name)  # known, and loaded before pulses come
             if illumination is not None and method != AUTO and not kind.ILLUMINATION:
@@ -166,7 +166,7 @@ class ApertureImager(ApertureSequence):
                           illumination=self._illumination, backend=self._backend)
 
     def _begin(self, number: int) -> Aperture:
-        self._image = self._plan.new_image(like=self._like) if self._grows else None
+        self._image = self._plan.new_image(like=self._device_array) if self._grows else None
         if self._grows and not self._keep_pulses:
             return Aperture(number, self._length)
         return AperturePulses(number, self._length, self._example, [])

@@ -66,7 +66,7 @@ class Header:
     stamp_ns: int
     centre_m: float
     error: float
-    share: float
+    power: float
 
     @property
     def length(self) -> int:
@@ -77,7 +77,7 @@ class Header:
 class Fusing:
     """An aperture being fused."""
 
-    def __init__(self, example: SubapertureImage, backend: Backend, *, first: bool, turn: int):
+    def __init__(self, example: SubapertureImage, backend: Backend, *, first: bool, period: int):
         self.kind, self.revision = kind_of(example), example.revision
         (fusion, self.grid, self.n_subapertures, self.n_window, self._length) = self.kind
         self.sliding = self.n_window < self.n_subapertures
@@ -92,7 +92,7 @@ class Fusing:
         self.newest = -1
         self.aperture = example.aperture
         self.imaged = False  # since the latest sub-aperture came
-        self.turn = turn  # of the images of a sliding aperture
+        self.period = period  # of `images_every` sub-apertures, the latest that was imaged
 
     def add(self, sub: SubapertureImage) -> None:
         """Add a sub-aperture, and take out those that its window has left behind."""
@@ -101,7 +101,7 @@ class Fusing:
                         sub.centre_m)
         self.headers[sub.number] = Header(sub.first_counter, sub.n_pulses, sub.n_missing,
                                            sub.stamp_ns, sub.centre_m,
-                                           10 ** (sub.predicted_error_db / 10), _share(sub))
+                                           10 ** (sub.predicted_error_db / 10), _power(sub))
         if sub.number > self.newest:
             self.newest, self.aperture = sub.number, sub.aperture
         self.imaged = False
@@ -160,8 +160,8 @@ class Fusing:
             polar = to_host(polar)
             focused, told = focus(polar[0] + 1j * polar[1], self.fusion.grid, self._ends_m())
             polar = np.stack([focused.real, focused.imag])
-        shares = [h.share for h in headers]
-        error = np.average([h.error for h in headers], weights=shares if any(shares) else None)
+        powers = [h.power for h in headers]
+        error = np.average([h.error for h in headers], weights=powers if any(powers) else None)
         image = self._backend.form_map(polar, self.fusion.grid, self.grid, centre_m)
         return FusedImage(to_host(image), self.grid, self.stamp_ns(final=final), self.aperture,
                           n_pulses, n_missing, len(self.headers), final,
@@ -177,7 +177,7 @@ class Fusing:
         return min(ends), max(ends)
 
 
-def _share(sub: SubapertureImage) -> float:
+def _power(sub: SubapertureImage) -> float:
     """Its part in the power of the fused image, in one unit for all of an aperture.
 
     Antennas light one sub-aperture more than another; else each pulse has the same part.
@@ -300,7 +300,7 @@ class LiveFusion(EventSource):
             self._check(sub)
             # Windows that were imaged are not imaged again.
             self._open[sub.sequence] = Fusing(
-                sub, self._backend, first=current.begins_stream, turn=current.turn)
+                sub, self._backend, first=current.begins_stream, period=current.period)
             self.statistics.revisions += 1
             self._report('plan', f'aperture {sub.aperture} is fused anew: its track had been '
                          'foreseen too poorly')
@@ -359,8 +359,8 @@ class LiveFusion(EventSource):
         images = [image for sequence in list(self._open) if not overlaps or sequence != before
                   for image in self._close(sequence)]
         # Images of the first half of a sliding aperture are of the one before.
-        turn = sub.n_window // (self.images_every or 1) if overlaps else 0
-        self._open[sub.sequence] = Fusing(sub, self._backend, first=not overlaps, turn=turn)
+        period = sub.n_window // (self.images_every or 1) if overlaps else 0
+        self._open[sub.sequence] = Fusing(sub, self._backend, first=not overlaps, period=period)
         self._session, self._newest = sub.session, sub.sequence
         return images
 
@@ -400,10 +400,10 @@ class LiveFusion(EventSource):
     def _slide(self, fusing: Fusing, number: int) -> list[FusedImage]:
         """Image of the window, where it belongs to this aperture and not to the one before."""
         first = fusing.n_window - (1 if fusing.begins_stream else 0)
-        turn = (number + 1) // (self.images_every or 1)
-        if number != fusing.newest or number < first or turn <= fusing.turn:
+        period = (number + 1) // (self.images_every or 1)
+        if number != fusing.newest or number < first or period <= fusing.period:
             return []
-        fusing.turn = turn
+        fusing.period = period
         return self._final(fusing)
 
     def _close(self, sequence: int) -> list[FusedImage]:

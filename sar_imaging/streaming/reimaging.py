@@ -147,7 +147,8 @@ def _widened(limits: Limits, radar: RadarParameters) -> Limits:
     """Limits for phase centres that moved by a wavelength, which no sampling notices."""
     near, far = limits.range_m
     move = radar.wavelength_m
-    turn = move / near
-    return Limits((near - move, far + move), (limits.slope[0] - turn, limits.slope[1] + turn),
+    angle_rad = move / near
+    slope = limits.slope[0] - angle_rad, limits.slope[1] + angle_rad
+    return Limits((near - move, far + move), slope,
                   limits.slope_m + move,
-                  limits.half_range + 2 * radar.wavenumber_rad_per_m * turn)
+                  limits.half_range + 2 * radar.wavenumber_rad_per_m * angle_rad)

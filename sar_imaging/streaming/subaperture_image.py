@@ -75,10 +75,10 @@ class SubapertureEnds:
 
     def pulses(self, n_pulses: int) -> tuple[np.ndarray, np.ndarray, Pointing | None]:
         """Phase centres (P, C, 3), metres, and pointing of pulses evenly from end to end."""
-        share = np.linspace(0.0, 1.0, n_pulses)[:, None]
+        fraction = np.linspace(0.0, 1.0, n_pulses)[:, None]
 
         def between(ends):
-            return (1 - share) * np.array(ends[0]) + share * np.array(ends[1])
+            return (1 - fraction) * np.array(ends[0]) + fraction * np.array(ends[1])
 
         centres = (np.repeat(between(ends)[:, None], self.n_channels, axis=1)
                    for ends in (self.tx_m, self.rx_m))

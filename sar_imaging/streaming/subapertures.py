@@ -68,9 +68,9 @@ class SubapertureStage:
             The block does not match the plan.
         """
         plan = self.plan.subapertures
-        lit = plan.illumination_of(block)
-        if lit and not seen_subapertures(plan.coarse, [slice(0, block.n_pulses)], lit,
-                                         plan.n_channels):
+        illumination = plan.illumination_of(block)
+        if illumination and not seen_subapertures(plan.coarse, [slice(0, block.n_pulses)],
+                                                  illumination, plan.n_channels):
             return np.zeros((plan.coarse.n_alpha, plan.coarse.n_range), np.complex64), 0.0
         parts = self._imager.image(0, block)
         if on_device(parts):
@@ -221,9 +221,9 @@ class LiveSubapertures(ApertureSequence):
         before = self._open or self._previous
         if self._ahead is not None or not self._cut or before is None:
             return
-        share = np.flatnonzero(before.seen)[-1:] + 1 >= _SHARE_TO_PLAN_AHEAD * len(before.seen)
+        enough = np.flatnonzero(before.seen)[-1:] + 1 >= _SHARE_TO_PLAN_AHEAD * len(before.seen)
         number = before.number + 1
-        if not share.any() or number * self._length > COUNTER_MASK or number == self._tried:
+        if not enough.any() or number * self._length > COUNTER_MASK or number == self._tried:
             return
         self._tried = number
         if self._again and self._targets and self._targets[-1].stage is not None:
@@ -469,19 +469,20 @@ class LiveSubapertures(ApertureSequence):
         before, after = extension(n_pulses, cut or 1, slack)
         first = target.first * self._length
         numbers = np.concatenate([a.known for a in known])
-        wanted, lit = np.arange(first - before, first + n_pulses + after), None
+        wanted, illumination = np.arange(first - before, first + n_pulses + after), None
         tx_m, rx_m = predict_track(numbers, *(
             np.concatenate([getattr(a, name)[a.seen] for a in known])
             for name in ('tx_m', 'rx_m')), wanted)
         if self._pattern is not None:
             looks = np.concatenate([a.looks[:, a.seen] for a in known], axis=1)
             looks = predict_track(numbers, *looks[:, :, None], wanted)
-            lit = Illumination.of_pulses(self._pattern, Pointing(*(v[:, 0] for v in looks)), tx_m,
-                                         rx_m, foreseen=True)
+            pointing = Pointing(*(v[:, 0] for v in looks))
+            illumination = Illumination.of_pulses(self._pattern, pointing, tx_m, rx_m,
+                                                  foreseen=True)
         return SubapertureStage(plan_live(
             self._map(tx_m, rx_m), self._plan.radar, self._plan.n_samples, tx_m, rx_m,
             target_db=self._target_db, pulses_per_subaperture=cut or None, slack=slack,
-            n_window=self._length if self._n_apertures > 1 else 0, illumination=lit),
+            n_window=self._length if self._n_apertures > 1 else 0, illumination=illumination),
             self._backend)
 
     def _map(self, tx_m, rx_m) -> MapGrid:

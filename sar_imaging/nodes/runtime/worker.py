@@ -131,11 +131,11 @@ class Worker:
         """Discard the items that wait and return them, or some of them; calls stay."""
         removed, kept = [], collections.deque()
         with self._changed:
-            for entry in self._items:
-                if isinstance(entry, _Call) or not which(entry[0]):
-                    kept.append(entry)
+            for queued in self._items:
+                if isinstance(queued, _Call) or not which(queued[0]):
+                    kept.append(queued)
                 else:
-                    removed.append(self._leave(entry))
+                    removed.append(self._leave(queued))
             self._items = kept
         return removed
 
@@ -159,9 +159,9 @@ class Worker:
         self._items.clear()
         return left
 
-    def _leave(self, entry):
+    def _leave(self, queued):
         """Item of an entry that leaves the queue."""
-        item, n_bytes = entry
+        item, n_bytes = queued
         self._n_items -= 1
         self._n_bytes -= n_bytes
         return item
@@ -175,11 +175,11 @@ class Worker:
                     self._changed.wait(self._idle_s())
                 if self._stopping:
                     return
-                entry = self._items.popleft() if self._items else None
-                self._in_work = self._leave(entry) if isinstance(entry, tuple) else None
-            if isinstance(entry, _Call):
-                entry.run()
-            elif entry is not None:
+                queued = self._items.popleft() if self._items else None
+                self._in_work = self._leave(queued) if isinstance(queued, tuple) else None
+            if isinstance(queued, _Call):
+                queued.run()
+            elif queued is not None:
                 self._guarded(self._work, self._in_work)
                 self._in_work = None
             elif (remaining := self._idle_s()) is not None and remaining <= 0.0:
