@@ -23,7 +23,6 @@ from ..signal.pulses.apertures import (
     ApertureSequence,
     ApertureStatistics,
 )
-from ..signal.pulses.sequence import describe_counters
 
 if TYPE_CHECKING:
     from ..backends.protocol import Backend
@@ -142,11 +141,8 @@ class ApertureImager(ApertureSequence):
                  height_m: np.ndarray | None = None, keep_pulses: bool = False,
                  method: str = EXACT, illumination: AntennaPattern | None = None,
                  backend: str | Backend = AUTO):
-        super().__init__(pulses_per_aperture, ApertureStatistics())
-        if not 0.0 <= min_pulse_fraction <= 1.0:
-            raise ValueError(f'min_pulse_fraction={min_pulse_fraction}; expected 0 to 1')
+        super().__init__(pulses_per_aperture, ApertureStatistics(), min_pulse_fraction)
         self.grid = grid
-        self.min_pulse_fraction = min_pulse_fraction
         self._target_db = target_db
         self._height_m = height_m
         self._keep_pulses, self._warned = keep_pulses, False
@@ -180,13 +176,7 @@ class ApertureImager(ApertureSequence):
 
     def _finish(self, aperture: Aperture) -> list[ApertureImage]:
         """An image, or a report why there is none."""
-        counters, missing = aperture.known, aperture.missing
-        if len(counters) < max(1, self.min_pulse_fraction * len(aperture.seen)):
-            self.statistics.apertures_dropped += 1
-            self._report('aperture', f'aperture {aperture.number} dropped: '
-                         f'{len(counters)} of {len(aperture.seen)} pulses, fewer than '
-                         f'min_pulse_fraction={self.min_pulse_fraction:g}; '
-                         f'missing {describe_counters(missing.tolist())}')
+        if self._drop_short(aperture):
             return []
         image, self._image = self._image or self._plan(aperture.block()), None
         report = image.report
@@ -197,5 +187,5 @@ class ApertureImager(ApertureSequence):
         self.statistics.images += 1
         return [ApertureImage(
             to_host(image.samples), self.grid, aperture.centre_ns(), aperture.number,
-            counters.astype(np.uint32), missing, report.predicted_error_db, image.carrier_hz,
-            aperture.block() if self._keep_pulses else None, report.method)]
+            aperture.known.astype(np.uint32), aperture.missing, report.predicted_error_db,
+            image.carrier_hz, aperture.block() if self._keep_pulses else None, report.method)]

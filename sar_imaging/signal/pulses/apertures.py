@@ -172,18 +172,24 @@ class ApertureSequence(EventSource):
         Length of an aperture in pulses.
     statistics : ApertureStatistics
         To count in: what happened so far.
+    min_pulse_fraction : float
+        Share of its pulses, 0 to 1, without which `_drop_short` drops an aperture; an attribute,
+        too, which may be changed at any time.
 
     Raises
     ------
     ValueError
-        The length is not positive.
+        The length is not positive, or the fraction out of range.
     """
 
-    def __init__(self, pulses_per_aperture: int, statistics: ApertureStatistics):
+    def __init__(self, pulses_per_aperture: int, statistics: ApertureStatistics,
+                 min_pulse_fraction: float = 0.0):
         if pulses_per_aperture < 1:
             raise ValueError(f'pulses_per_aperture={pulses_per_aperture}; expected at least one')
+        if not 0.0 <= min_pulse_fraction <= 1.0:
+            raise ValueError(f'min_pulse_fraction={min_pulse_fraction}; expected 0 to 1')
         super().__init__()
-        self.statistics = statistics
+        self.statistics, self.min_pulse_fraction = statistics, min_pulse_fraction
         self._length = pulses_per_aperture
         self._plan: Any = None
         self._example: PulseBlock | None = None
@@ -321,6 +327,21 @@ class ApertureSequence(EventSource):
             return []
         self._closed = aperture.number
         return self._finish(aperture)
+
+    def _drop(self, aperture: Any, why: str) -> None:
+        """Count and report an aperture of which nothing comes."""
+        self.statistics.apertures_dropped += 1
+        self._report('aperture', f'aperture {aperture.number} dropped: {why}')
+
+    def _drop_short(self, aperture: Any, least: int = 1) -> bool:
+        """Drop an aperture that has too few of its pulses, or fewer than the least number."""
+        n_known, length = len(aperture.known), len(aperture.seen)
+        short = n_known < max(least, self.min_pulse_fraction * length)
+        if short:
+            self._drop(aperture, f'{n_known} of {length} pulses, fewer than min_pulse_fraction='
+                       f'{self.min_pulse_fraction:g}; missing '
+                       f'{describe_counters(aperture.missing.tolist())}')
+        return short
 
     def _report_skipped(self, number: int, after: int | None) -> None:
         """Report apertures between two of which no pulse came, as while a stage was down."""
