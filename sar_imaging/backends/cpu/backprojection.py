@@ -164,8 +164,6 @@ class Backprojection:
 
     def add(self, samples, tx_m, rx_m, image) -> None:
         """Add echoes to an image, see `backends.protocol.Backprojection`."""
-        # Kernels would be compiled once more for the read-only positions of a message.
-        tx_m, rx_m = (np.require(centres, requirements=['C', 'W']) for centres in (tx_m, rx_m))
         self._route.add(samples, tx_m, rx_m, image)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...compilation import njit, numba
 from .illumination import Antennas, two_way_amplitude
+from .memory import plain
 
 _LANES = 16  # points advanced together: enough independent sums to hide the latency of one
 
@@ -15,7 +16,7 @@ def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m, illumination=
     """See `backends.protocol.Correlation`."""
     out = np.empty(len(points_m), np.complex128)
     _correlate(*cycles_per_m, np.ascontiguousarray(spectra.real),
-               np.ascontiguousarray(spectra.imag), tx_m, rx_m, np.ascontiguousarray(points_m),
+               np.ascontiguousarray(spectra.imag), *plain(tx_m, rx_m, points_m),
                _antennas(illumination), out)
     return out
 
@@ -27,7 +28,7 @@ def correlate_profiles(radar, samples, tx_m, rx_m, points_m, half: int, sharpnes
     covered = np.ones(len(points_m), np.bool_)
     samples = samples[:]
     samples.flags.writeable = False  # as those of a message: one kernel for both
-    _correlate_profiles(samples, tx_m, rx_m, np.ascontiguousarray(points_m), radar.range_start_m,
+    _correlate_profiles(samples, *plain(tx_m, rx_m, points_m), radar.range_start_m,
                         radar.sample_spacing_m, 1 / radar.wavelength_m, half, sharpness,
                         _antennas(illumination), image, covered)
     return image, covered

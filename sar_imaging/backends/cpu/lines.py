@@ -20,6 +20,7 @@ from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...planning.interpolators import LINE_DEGREE
 from .illumination import Antennas, TileAmplitudes
+from .memory import plain
 from .profiles import Profiles
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
     tiles : sequence of TileAmplitudes, optional
         Illumination of each layer: with what amplitude the echoes illuminate the pixels.
     """
-    lattice = profiles.lattice
+    lattice, (tx_m, rx_m) = profiles.lattice, plain(tx_m, rx_m)
     segment = lattice.segment
     groups, segments = layers[0][0].shape[:2]
     tasks = min(groups * segments, _TASKS_PER_THREAD * numba.get_num_threads())

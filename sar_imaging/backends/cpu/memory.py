@@ -6,12 +6,21 @@ Fresh memory for every few profiles or images costs as much as filling it.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
 from ...compilation import njit, numba
 
 _LINE, _PAGE = 64, 4096  # bytes of a line of the cache and of a page of memory
+
+
+def plain(*arrays: np.ndarray) -> Iterator[np.ndarray]:
+    """Contiguous arrays that can be written to: kernels would be compiled once more for others.
+
+    Those of messages are read-only, and those of some channels are not contiguous.
+    """
+    return (np.require(array, requirements=['C', 'W']) for array in arrays)
 
 
 class WorkSpace:

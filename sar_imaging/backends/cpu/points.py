@@ -31,7 +31,7 @@ from ...signal.radar import RadarParameters
 from .illumination import Antennas, PointAntennas, TileNodes, amplitude_of, dark_sphere
 from .instructions import FLOAT, INT, INT32, instructions, order
 from .lines import _cos_cycles, _fraction, _sin_cycles
-from .memory import WorkSpace
+from .memory import WorkSpace, plain
 from .profiles import Profiles
 
 RUN = 8  # floats per pixel
@@ -105,6 +105,7 @@ def project_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m
         Illumination of the echoes.
     """
     profiles = Profiles(plan.window, plan.lattice, plan.range_m, memory)
+    tx_m, rx_m = plain(tx_m, rx_m)
     work, tiles = PointWork.for_threads(), [PointTiles.of(points, plan) for points in layers]
     nodes = [plan.lit and TileNodes(points, plan.tile, plan.lit) for points in layers]
     for echoes in profiles.chunks(len(samples)):
