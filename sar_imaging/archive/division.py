@@ -326,15 +326,12 @@ def _division(job: Job, pulses: DividedPulses, windows: tuple[Window, ...], part
     piece = predict(job, pulses.part(cuts[middle], cuts[middle + 1]), largest)
     if piece is None:
         return None
-    sums = (parts - 1) * sum(_sum_seconds(w) for w in windows)
-    share = sum(w.n_pixels for w in windows) / largest.n_pixels  # of equal pieces
+    n_pixels = sum(w.n_pixels for w in windows)
+    sums = (parts - 1) * _SUM_TRAFFIC * IMAGE_BYTES * n_pixels * WRITE_S_PER_BYTE
+    share = n_pixels / largest.n_pixels  # of equal pieces
     return Division(windows, tuple(zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True)),
                     piece.seconds, share * parts * piece.seconds + sums, piece.memory_bytes,
                     piece.method)
-
-
-def _sum_seconds(window: Window) -> float:
-    return _SUM_TRAFFIC * IMAGE_BYTES * window.n_pixels * WRITE_S_PER_BYTE
 
 
 def _too_large(job: Job, pulses: DividedPulses, window: Window) -> str:
@@ -505,15 +502,15 @@ def size(n_bytes: float) -> str:
     return f'{n_bytes:.3g} {_UNITS[number]}'
 
 
-def check_fits(plan: ArchivePlan, free_bytes: float | None = None) -> None:
+def check_fits(plan: ArchivePlan, free_bytes: float) -> None:
     """Refuse a plan that fits no worker, or not the disk.
 
     Parameters
     ----------
     plan : ArchivePlan
         To check.
-    free_bytes : float, optional
-        Free on the disk of the output; looked up if left out.
+    free_bytes : float
+        Free on the disk of the output.
 
     Raises
     ------
@@ -527,12 +524,11 @@ def check_fits(plan: ArchivePlan, free_bytes: float | None = None) -> None:
             f'{largest.key} takes {size(largest.memory_bytes)}, and a worker may take '
             f'{size(job.memory_bytes)}; allow memory_gb: {needed:g}, or take smaller tiles '
             f'(tile: {max(16, job.tile // 32 * 16)})')
-    free = free_disk(job.output) if free_bytes is None else free_bytes
-    if plan.disk_bytes > free:
-        spacing = job.spacing_m * math.sqrt(plan.disk_bytes / max(free, 1))
+    if plan.disk_bytes > free_bytes:
+        spacing = job.spacing_m * math.sqrt(plan.disk_bytes / max(free_bytes, 1))
         raise ArchiveTooLargeError(
             f'the results take {size(plan.disk_bytes)}, and the disk of {job.output} has '
-            f'{size(free)} free; name another output, choose a smaller area_m or a larger '
+            f'{size(free_bytes)} free; name another output, choose a smaller area_m or a larger '
             f'spacing_m (for instance {spacing:.2g})')
 
 
@@ -564,8 +560,7 @@ _LARGEST_ANGLE_RAD = 0.05  # between lines of sight of a pair; images decorrelat
 _TILES_AT_ONCE = 12  # times a tile of complex pixels, that sums and means take
 
 
-def divide(job: Job, scans: Sequence[ApertureScan], *, free_bytes: float | None = None
-           ) -> ArchivePlan:
+def divide(job: Job, scans: Sequence[ApertureScan]) -> ArchivePlan:
     """Divide a job into pieces.
 
     Parameters
@@ -574,8 +569,6 @@ def divide(job: Job, scans: Sequence[ApertureScan], *, free_bytes: float | None 
         With the datum of the map's frame.
     scans : sequence of ApertureScan
         All apertures.
-    free_bytes : float, optional
-        Free on the disk of the output; looked up if left out.
 
     Returns
     -------
@@ -601,7 +594,7 @@ def divide(job: Job, scans: Sequence[ApertureScan], *, free_bytes: float | None 
     pace = machine_pace()
     pieces = [dataclasses.replace(piece, seconds=pace * piece.seconds) for piece in pieces]
     plan = ArchivePlan(job, tuple(pieces), len(scans), images.window)
-    check_fits(plan, free_bytes)
+    check_fits(plan, free_disk(job.output))
     return plan
 
 
@@ -660,7 +653,7 @@ class _Images:
         moved = IMAGE_BYTES * window.n_pixels
         self.pieces.append(SumPiece(
             key=key, needs=(one[2], other[2]),
-            seconds=PIECE_S + 3 * moved * WRITE_S_PER_BYTE,
+            seconds=PIECE_S + _SUM_TRAFFIC * moved * WRITE_S_PER_BYTE,
             memory_bytes=_tiles_bytes(self.job), reads_bytes=2 * moved, writes_bytes=moved,
             scan=scan, window=window, parts=(one[3], other[3]), partial=partial))
         return first, final, key, partial

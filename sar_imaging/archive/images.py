@@ -20,7 +20,7 @@ import numpy as np
 from ..compilation import one_thread
 from ..formats.cphd import CphdError, CphdReader
 from ..formats.tags import told_of
-from ..geometry.illumination import AntennaPattern
+from ..geometry.illumination import AntennaPattern, Pointing
 from ..imaging.correlation import correlate_profiles
 from ..imaging.image import Image
 from ..imaging.imager import plan_image
@@ -30,9 +30,9 @@ from ..planning.costs import DEFAULT, using
 from ..radiometry import BrightnessScale
 from ..recordings.bag_io import BagError, raw_messages
 from ..recordings.kinds import CPHD
+from ..recordings.pulse_source import PulseSource
 from ..recordings.recording import each_once
 from ..signal.pulses import PulseBlock, concatenate
-from ..signal.range_compression import RangeCompressor
 from .division import BLOCK_SHARE, room_bytes
 from .job import Job
 from .pieces import ArchiveDataError, ImagePiece, PieceResult, SumPiece
@@ -43,8 +43,9 @@ from .windows import Window, window_grid
 _CPHD_WORK = 4  # times the samples that may be taken while they are converted
 
 
-class ApertureProfiles:
-    """Pulses of an aperture, or neighbouring ones of them, as range profiles.
+def aperture_pulses(scan: ApertureScan, output: Path, pulses: tuple[int, int] | None = None
+                    ) -> PulseSource:
+    """Pulses of an aperture, or neighbouring ones of them, placed in the map's frame.
 
     Parameters
     ----------
@@ -55,97 +56,67 @@ class ApertureProfiles:
     pulses : (int, int), optional
         Index of the first pulse, by counter, and of the one after the last; all by default.
 
-    Attributes
-    ----------
-    counter, stamp_ns, tx_m, rx_m : arrays (P,), (P,), (P, C, 3), (P, C, 3)
-        Counters, times, transmit phase centres and receive phase centres of these pulses,
-        ascending counters; times in nanoseconds, places in metres.
-    radar : RadarParameters
-        Radar parameters of the profiles.
-    n_samples : int
-        Their length.
-    illumination : AntennaPattern or None
-        Illumination of the recording's antenna; the profiles then have their pointing, in the
-        map's frame.
+    Returns
+    -------
+    PulseSource
+        Its blocks have some bytes of profiles at most, at least one message's or pulse's; they
+        raise ArchiveDataError where the recording cannot be read, or lacks pulses that it had
+        when it was scanned.
     """
+    cut = slice(*(pulses or (0, scan.n_pulses)))
+    pattern, looks = scan.antenna(output)
+    looks = looks and looks.select(cut)
 
-    def __init__(self, scan: ApertureScan, output: Path,
-                 pulses: tuple[int, int] | None = None):
-        cut = slice(*(pulses or (0, scan.n_pulses)))
-        self.scan, self._first = scan, cut.start
-        self.counter, self.stamp_ns, self.tx_m, self.rx_m = (
-            part[cut] for part in scan.phase_centres(output))
-        self.illumination, looks = scan.antenna(output)
-        self._pointing = None if looks is None else looks.select(cut)
-        times = scan.message_times(output)[cut]
-        self._times_ns = (int(times.min()), int(times.max()) + 1) if len(times) else ()
-        self._compressor = None if scan.compressed else RangeCompressor(scan.radar,
-                                                                        scan.n_samples)
-        self.radar, self.n_samples = (
-            (scan.radar, scan.n_samples) if self._compressor is None else
-            (self._compressor.output_radar, self._compressor.n_output))
-
-    @property
-    def n_pulses(self) -> int:
-        """Number of pulses P."""
-        return len(self.counter)
-
-    @property
-    def pulse_bytes(self) -> int:
-        """Memory of the profiles of one pulse, bytes."""
-        return 8 * self.tx_m.shape[1] * self.n_samples
-
-    @property
-    def profile_bytes(self) -> int:
-        """Memory of all their profiles, bytes."""
-        return self.n_pulses * self.pulse_bytes
-
-    def profiles(self, n_bytes: float) -> Iterator[PulseBlock]:
-        """Range profiles in blocks of some bytes at most, at least one message's or pulse's.
-
-        Raises
-        ------
-        ArchiveDataError
-            The recording cannot be read, or lacks pulses that it had when it was scanned.
-        """
+    def blocks(n_bytes: float) -> Iterator[PulseBlock]:
         n_found = 0
         try:
-            for block in _joined(self._placed(n_bytes), n_bytes / self.pulse_bytes):
+            for block in _joined(_placed(source, scan, cut, looks, n_bytes),
+                                 n_bytes * source.n_pulses / source.profile_bytes):
                 n_found += block.n_pulses
-                yield block if self._compressor is None else self._compressor(block)
+                yield block
         except (BagError, CphdError, ValueError) as error:
-            raise ArchiveDataError(f'{self.scan.path}: {error}') from error
-        if n_found != self.n_pulses:
+            raise ArchiveDataError(f'{scan.path}: {error}') from error
+        if n_found != source.n_pulses:
             raise ArchiveDataError(
-                f'{self.scan.path} has {n_found} of the {self.n_pulses} pulses of '
-                f'{self.scan.name} that were there when it was scanned: it has changed; take '
-                'another output folder, or put the recording back')
+                f'{scan.path} has {n_found} of the {source.n_pulses} pulses of {scan.name} that '
+                'were there when it was scanned: it has changed; take another output folder, or '
+                'put the recording back')
 
-    def _placed(self, n_bytes: float) -> Iterator[PulseBlock]:
-        """Blocks of these pulses, each pulse once, with phase centres of the map's frame."""
-        blocks = self._cphd(n_bytes) if self.scan.kind == CPHD else self._recorded()
-        for index, block in blocks:
-            # the radar of the scan is without the range bias that poses correct
-            looks = None if self._pointing is None else self._pointing.select(index)
-            yield dataclasses.replace(block, radar=self.scan.radar, frame='',
-                                      stamp_ns=self.stamp_ns[index], tx_m=self.tx_m[index],
-                                      rx_m=self.rx_m[index], pointing=looks)
+    counter, stamp_ns, tx_m, rx_m = (part[cut] for part in scan.phase_centres(output))
+    source = PulseSource(scan.path, scan.kind, scan.radar, scan.n_samples, scan.compressed,
+                         counter, stamp_ns, tx_m, rx_m, blocks, illumination=pattern,
+                         message_ns=scan.message_times(output)[cut])
+    return source
 
-    def _cphd(self, n_bytes: float) -> Iterator[tuple[np.ndarray, PulseBlock]]:
-        """Blocks and the numbers of their pulses among these, which a file has in order."""
-        done = 0
-        with CphdReader(self.scan.path, datum=self.scan.datum) as reader:
-            for block in reader.blocks(memory_bytes=max(1, int(_CPHD_WORK * n_bytes)),
-                                       start=self._first, stop=self._first + self.n_pulses):
-                yield np.arange(done, done + block.n_pulses), block
-                done += block.n_pulses
 
-    def _recorded(self) -> Iterator[tuple[np.ndarray, PulseBlock]]:
-        """The same of a recording, whose messages may come twice or out of order."""
-        shape = self.scan.n_channels, self.scan.n_samples
-        for block in each_once(raw_messages(self.scan.path, *self._times_ns), lambda block: (
-                np.isin(block.counter, self.counter) & (block.samples.shape[1:] == shape))):
-            yield np.searchsorted(self.counter, block.counter), block
+def _placed(source: PulseSource, scan: ApertureScan, cut: slice, looks: Pointing | None,
+            n_bytes: float) -> Iterator[PulseBlock]:
+    """Blocks of some pulses, each pulse once, with phase centres of the map's frame."""
+    for index, block in _cphd(scan, cut, n_bytes) if scan.kind == CPHD else _recorded(source):
+        # the radar of the scan is without the range bias that poses correct
+        yield dataclasses.replace(block, radar=scan.radar, frame='',
+                                  stamp_ns=source.stamp_ns[index], tx_m=source.tx_m[index],
+                                  rx_m=source.rx_m[index], pointing=looks and looks.select(index))
+
+
+def _cphd(scan: ApertureScan, cut: slice, n_bytes: float
+          ) -> Iterator[tuple[np.ndarray, PulseBlock]]:
+    """Blocks and the numbers of their pulses among some, which a file has in order."""
+    done = 0
+    with CphdReader(scan.path, datum=scan.datum) as reader:
+        for block in reader.blocks(memory_bytes=max(1, int(_CPHD_WORK * n_bytes)),
+                                   start=cut.start, stop=cut.stop):
+            yield np.arange(done, done + block.n_pulses), block
+            done += block.n_pulses
+
+
+def _recorded(source: PulseSource) -> Iterator[tuple[np.ndarray, PulseBlock]]:
+    """The same of a recording, whose messages may come twice or out of order."""
+    times_ns, shape = source.message_ns, (source.n_channels, source.n_samples)
+    between = (int(times_ns.min()), int(times_ns.max()) + 1) if len(times_ns) else ()
+    for block in each_once(raw_messages(source.path, *between), lambda block: (
+            np.isin(block.counter, source.counter) & (block.samples.shape[1:] == shape))):
+        yield np.searchsorted(source.counter, block.counter), block
 
 
 def _joined(blocks: Iterator[PulseBlock], most: float) -> Iterator[PulseBlock]:
@@ -250,7 +221,7 @@ def form_image(piece: ImagePiece, job: Job, output: Path) -> PieceResult:
     quicker and to have room, holds them all. Plans are made with the costs that are the same
     everywhere, on one thread, so that a piece gives the same bits wherever it runs.
     """
-    pulses = ApertureProfiles(piece.scan, output, piece.pulses)
+    pulses = aperture_pulses(piece.scan, output, piece.pulses)
     checked = Checked.of(piece.window, job.checked_pixels, piece.scan.name)
     with using(DEFAULT), one_thread():
         image = _formed(pulses, job, piece.window, piece.method, checked)
@@ -262,15 +233,15 @@ def form_image(piece: ImagePiece, job: Job, output: Path) -> PieceResult:
     return _result(figures)
 
 
-def _formed(pulses: ApertureProfiles, job: Job, window: Window, method: str,
+def _formed(pulses: PulseSource, job: Job, window: Window, method: str,
             checked: Checked) -> Image:
     """Image of pulses on a window, compared with correlation on the way."""
     grid = window_grid(window, job)
     points = np.ascontiguousarray(grid.positions(*np.unravel_index(checked.index, window.shape)))
     room = room_bytes(job) - (0 if method == EXACT else 2 * pulses.profile_bytes)
     with granting(max(room, 0)):
-        imager = plan_image(grid, pulses.radar, pulses.n_samples, method=method,
-                            target_db=job.target_db, illumination=pulses.illumination)
+        imager = plan_image(grid, *pulses.of_profiles(), method=method, target_db=job.target_db,
+                            illumination=pulses.illumination)
         if method == EXACT:
             image = imager.new_image()
             for block in pulses.profiles(BLOCK_SHARE * room):

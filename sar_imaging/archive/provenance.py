@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ..imaging.correlation import correlate_profiles
-from .images import ApertureProfiles
+from .images import aperture_pulses
 from .job import Job
 from .scans import ApertureScan, all_scans, load_job
 from .tiles import inside, stored_looks
@@ -109,7 +109,7 @@ def check_mosaic(output: Path, n_pixels: int = 100, *, seed: int = 0,
         if not covered.any():
             continue
         values = np.zeros(int(covered.sum()), np.complex128)
-        pulses = ApertureProfiles(scan, output)
+        pulses = aperture_pulses(scan, output)
         for block in pulses.profiles(_BLOCK_BYTES):
             values += correlate_profiles(block, points[covered],
                                          illumination=pulses.illumination)[0]

@@ -85,11 +85,6 @@ class Window:
         column0, column1 = max(self.column0, other.column0), min(self.column1, other.column1)
         return Window(row0, row1, column0, column1) if row0 < row1 and column0 < column1 else None
 
-    def grown(self, margin: int) -> Window:
-        """The window with some more pixels on all sides."""
-        return Window(self.row0 - margin, self.row1 + margin, self.column0 - margin,
-                      self.column1 + margin)
-
     def on_tiles(self, tile: int) -> Window:
         """Smallest window of whole tiles around it."""
         return Window(self.row0 // tile * tile, -(-self.row1 // tile) * tile,

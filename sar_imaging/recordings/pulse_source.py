@@ -192,6 +192,11 @@ class PulseSource:
         return ((self.radar, self.n_samples) if compressor is None
                 else (compressor.output_radar, compressor.n_output))
 
+    @property
+    def profile_bytes(self) -> int:
+        """Memory that all its range profiles would take, bytes."""
+        return 8 * self.n_pulses * self.n_channels * self.of_profiles()[1]
+
     def coverage(self) -> Coverage:
         """What of the scene its pulses tell something about."""
         return Coverage(*self.of_profiles(), self.tx_m, self.rx_m)
@@ -388,7 +393,7 @@ def _source(kind: str, recording: Recording,
     index = np.flatnonzero(inside)[index]  # where each pulse came first
 
     def blocks(n_bytes: float = _BLOCK_BYTES) -> Iterator[PulseBlock]:
-        return _chunks(pulses(*wanted), n_bytes)
+        return joined(pulses(*wanted), n_bytes)
 
     tx_m, rx_m = (centres[index] for centres in recording.centres_m)
     grid = recording.grid
@@ -440,7 +445,7 @@ def _aperture(recording: Recording, length: int | None, number: int | None,
     return chosen * length, (chosen + 1) * length
 
 
-def _chunks(blocks: Iterator[PulseBlock], n_bytes: float) -> Iterator[PulseBlock]:
+def joined(blocks: Iterable[PulseBlock], n_bytes: float) -> Iterator[PulseBlock]:
     """Neighbouring blocks joined up to a number of bytes."""
     waiting: list[PulseBlock] = []
     for block in blocks:

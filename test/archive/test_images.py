@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.archive import images
-from sar_imaging.archive.images import ApertureProfiles, StoredImage, _energy
+from sar_imaging.archive.images import StoredImage, _energy, aperture_pulses
 from sar_imaging.archive.pieces import ArchiveDataError, ImagePiece, SumPiece
 from sar_imaging.archive.storage import IMAGES, PARTIALS, image_array
 from sar_imaging.archive.windows import Window, window_grid
@@ -67,12 +67,12 @@ def test_energy_is_that_of_pixels_with_a_value():
 def test_messages_of_no_use_leave_the_others(two_strips, monkeypatch):
     """Damaged bytes and pulses of another length between those of the aperture."""
     scan = two_strips.scans[0]
-    block = next(ApertureProfiles(scan, two_strips.output).profiles(1e9))
+    block = next(aperture_pulses(scan, two_strips.output).profiles(1e9))
     other = dataclasses.replace(block, samples=block.samples[..., :-1])
     useless = [(0, b'damaged'), (0, serialise(other))]
     plain = images.raw_messages
     monkeypatch.setattr(images, 'raw_messages', lambda *given: [*useless, *plain(*given)])
-    found = ApertureProfiles(scan, two_strips.output).profiles(1e9)
+    found = aperture_pulses(scan, two_strips.output).profiles(1e9)
     assert sum(block.n_pulses for block in found) == scan.n_pulses
 
 

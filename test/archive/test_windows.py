@@ -54,7 +54,6 @@ def test_intersections_index_both_arrays(one, other):
 def test_a_window_has_pixels():
     with pytest.raises(ValueError, match='at least one pixel'):
         Window(3, 3, 0, 4)
-    assert Window(3, 4, 0, 4).grown(2) == Window(1, 6, -2, 6)
 
 
 @pytest.mark.parametrize('height_m', [0.0, 300.0, -40.0])

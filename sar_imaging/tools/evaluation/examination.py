@@ -11,8 +11,9 @@ from ...diagnosis import Diagnosis, diagnose
 from ...geometry.grids import MapGrid
 from ...quality.measures import FocusFigure, focus_figure
 from ...recordings.bag_io import BagError
+from ...recordings.pulse_source import joined
 from ...recordings.recording import Recording
-from ...signal.pulses import PulseBlock, concatenate
+from ...signal.pulses import PulseBlock
 
 IN_FOCUS = (FOCUSED, FOCUSED_ALREADY)  # verdicts of autofocus
 _MOST_BYTES = 512e6  # of samples that are read for it
@@ -78,16 +79,8 @@ def _as_json(figure: FocusFigure, diagnosis: Diagnosis) -> dict:
 
 def _pulses(recording: Recording, aperture: int, length: int) -> PulseBlock:
     """Pulses of one aperture with positions, each once and in order."""
-    blocks, n_bytes = [], 0
-    for block in recording.blocks(aperture * length, (aperture + 1) * length):
-        if blocks and not block.matches(blocks[0]):
-            continue
-        n_bytes += block.samples.nbytes
-        if n_bytes > _MOST_BYTES:
-            break
-        blocks.append(block)
-    joined = concatenate(blocks)
-    return joined.select(np.argsort(joined.counter, kind='stable'))
+    block = next(joined(recording.blocks(aperture * length, (aperture + 1) * length), _MOST_BYTES))
+    return block.select(np.argsort(block.counter, kind='stable'))
 
 
 _COLUMNS = (('IRW (m)', 'irw', 'm', 3), ('PSLR (dB)', 'pslr', 'db', 2),

@@ -42,8 +42,6 @@ class Launch:
 
     Parameters
     ----------
-    mode : str
-        Mode of backprojection.
     nodes : tuple of str
         Names.
     parameters : dict
@@ -56,7 +54,6 @@ class Launch:
         The grid may differ from the recording's.
     """
 
-    mode: str
     nodes: tuple[str, ...]
     parameters: dict
     files: tuple[Path, ...]
@@ -125,7 +122,7 @@ def plan_launch(arguments: argparse.Namespace, truth: Mapping | None) -> Launch:
     if arguments.pipeline:
         parameters = pipeline_parameters(parameters)
     values = [*arguments.values, ('mode', mode)]
-    return Launch(mode, node_names(mode, pipeline=arguments.pipeline), parameters, files,
+    return Launch(node_names(mode, pipeline=arguments.pipeline), parameters, files,
                   [word for name, value in values for word in ('-p', f'{name}:={value}')],
                   own=bool(files or arguments.values))
 
