@@ -61,21 +61,8 @@ def named_config(text: str) -> Path:
 
 
 def mode_of(config: Path, mode: str) -> str:
-    """Mode of backprojection: as asked for, else as the parameter file says, else ``image``.
-
-    Raises
-    ------
-    ValueError
-        The mode asked for is unknown.
-    """
-    mode_of_words(mode)
+    """Mode of backprojection: as asked for, else as the parameter file says, else ``image``."""
     return mode or configured_mode(config) or MODES[0]
-
-
-def mode_of_words(mode: str) -> None:
-    """Refuse a mode that does not exist; empty means as configured."""
-    if mode not in ('', *MODES):
-        raise ValueError(f'mode:={mode} is unknown; use {", ".join(MODES[:-1])} or {MODES[-1]}')
 
 
 def configured_mode(config: Path) -> str:
@@ -105,8 +92,10 @@ def overrides(arguments: Mapping[str, str]) -> list[str]:
     ValueError
         An argument is neither true nor false, or the mode is unknown.
     """
-    mode_of_words(arguments['mode'])
-    given = {'mode': arguments['mode']} | {
+    mode = arguments['mode']
+    if mode not in ('', *MODES):
+        raise ValueError(f'mode:={mode} is unknown; use {", ".join(MODES[:-1])} or {MODES[-1]}')
+    given = {'mode': mode} | {
         name: str(as_bool(name, arguments[name])).lower()
         for name in ('autostart', 'use_sim_time') if arguments[name]}
     return [word for name, value in given.items() if value
@@ -211,8 +200,8 @@ def _start(context, names, pipeline, replay):
     config = find_config(arguments['config'])
     if replay:
         pipeline = as_bool('pipeline', arguments['pipeline'])
-    nodes = node_names(mode_of(config, arguments['mode']), pipeline=pipeline)
     ros_arguments = overrides(arguments)
+    nodes = node_names(mode_of(config, arguments['mode']), pipeline=pipeline)
     respawn = as_bool('respawn', arguments['respawn'])
     replayed = _replayed(context, arguments, nodes) if replay else []
     _check(context, config, ros_arguments)
