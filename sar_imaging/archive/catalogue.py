@@ -32,7 +32,7 @@ from .pieces import PieceResult
 from .scans import ApertureScan, ScanLoss, all_scans, load_scans, write_text
 from .storage import COHERENCE, IMAGES, MOSAIC, STRIPS, TiledArray
 from .tiles import stored_looks
-from .windows import Window, surface_z, union
+from .windows import Window, box, surface_points, union
 
 CATALOGUE, ITEMS = 'catalog.json', 'items'
 _PROCESSING = 'https://stac-extensions.github.io/processing/v1.2.0/schema.json'
@@ -197,12 +197,8 @@ class _Items:
         """(N, 2) latitude and longitude of a footprint, or of the rectangle around several."""
         corners = np.array([corner for one in footprints for corner in one], float)
         if len(corners) > 4:
-            (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
-            corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
-        job = self._job
-        z = (surface_z(corners[:, 0], corners[:, 1], job.datum, job.height_m)
-             if job.surface == 'ellipsoid' else np.full(len(corners), job.height_m))
-        latitude, longitude, _ = job.datum.to_geographic(np.column_stack([corners, z]))
+            corners = box(corners)
+        latitude, longitude, _ = self._job.datum.to_geographic(surface_points(self._job, corners))
         return np.column_stack([latitude, longitude])
 
     def _add_assets(self, item, files: Mapping[str, str]) -> None:

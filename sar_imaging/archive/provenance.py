@@ -17,7 +17,7 @@ from ..imaging.correlation import correlate_profiles
 from .images import aperture_pulses
 from .job import Job
 from .scans import ApertureScan, all_scans, load_job
-from .tiles import inside, stored_looks
+from .tiles import covered, stored_looks
 from .windows import Window, lattice_grid, union
 
 _BLOCK_BYTES = 2e8
@@ -105,17 +105,17 @@ def check_mosaic(output: Path, n_pixels: int = 100, *, seed: int = 0,
     total, counted = np.zeros(len(row)), np.zeros(len(row), np.int64)
     points = _points(row, column, mosaic, job)
     for scan in scans:
-        covered = _covers(scan, row, column, job)
-        if not covered.any():
+        counts = _covers(scan, row, column, job)
+        if not counts.any():
             continue
-        values = np.zeros(int(covered.sum()), np.complex128)
+        values = np.zeros(int(counts.sum()), np.complex128)
         pulses = aperture_pulses(scan, output)
         for block in pulses.profiles(_BLOCK_BYTES):
-            values += correlate_profiles(block, points[covered],
+            values += correlate_profiles(block, points[counts],
                                          illumination=pulses.illumination)[0]
-        values *= _factors(scan, output, row[covered], column[covered])
-        total[covered] += np.abs(values) ** 2
-        counted[covered] += values != 0  # what no pulse lights counts no look
+        values *= _factors(scan, output, row[counts], column[counts])
+        total[counts] += np.abs(values) ** 2
+        counted[counts] += values != 0  # what no pulse lights counts no look
     return PixelCheck(row, column, power, total / np.maximum(counted, 1), looks, counted)
 
 
@@ -141,7 +141,7 @@ def _covers(scan, row: np.ndarray, column: np.ndarray, job: Job) -> np.ndarray:
            & (column >= window.column0) & (column < window.column1))
     for number in np.flatnonzero(out):
         pixel = Window(row[number], row[number] + 1, column[number], column[number] + 1)
-        out[number] = inside(scan.footprint_m, pixel, job.spacing_m)[0, 0]
+        out[number] = covered(scan.footprint_m, pixel, job.spacing_m)[0, 0]
     return out
 
 

@@ -47,7 +47,7 @@ from .scans import (
     turned,
     write_scan,
 )
-from .windows import Window, lattice_grid, surface_points
+from .windows import Window, box, inside, lattice_grid, surface_points
 
 _MOST_CATALOGUE_BYTES = 2**26
 _BAG_FILES = ('.mcap', '.db3')
@@ -242,16 +242,16 @@ def footprint(source: Source, coverage: Coverage, job: Job, *, alone: bool) -> n
     """
     hull = _area(source, job)
     places = np.concatenate([hull, _raster(hull, _FINE)])
-    places = places[_inside(places, hull)]
+    places = places[_within(places, hull)]
     whole = alone
     if job.area_m is not None:
         places, whole = _clipped(places, job.area_m), False
     if not alone:
         near = _nearest(places, coverage, job)
         places, whole = places[near], whole or bool(near.all())
-    corners = hull if whole else _box(places)
+    corners = hull if whole else box(places)
     places = np.concatenate([corners, _raster(corners, _COARSE)])
-    places = places[_inside(places, corners)]
+    places = places[_within(places, corners)]
     seen = coverage.covers(surface_points(job, places))
     if not seen.any():
         near, far = coverage.swath_m
@@ -260,7 +260,7 @@ def footprint(source: Source, coverage: Coverage, job: Job, *, alone: bool) -> n
         raise OutOfSightError(
             f'no profile reaches its area: they cover {near:.0f} to {far:.0f} m, and it lies '
             f'{distance:.0f} m away; check height_m and area_m of the job, and the datum')
-    return corners if seen.all() else _box(places[seen])
+    return corners if seen.all() else box(places[seen])
 
 
 def _raster(hull: np.ndarray, n: int) -> np.ndarray:
@@ -282,20 +282,12 @@ def _area(source: Source, job: Job) -> np.ndarray:
                 'leave it out') from error
     if job.area_m is None:
         raise OutOfSightError('it does not state where its scene is; add area_m to the job')
-    return _box(np.array(job.area_m).reshape(2, 2))
+    return box(np.array(job.area_m).reshape(2, 2))
 
 
-def _box(points: np.ndarray) -> np.ndarray:
-    (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
-    return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
-
-
-def _inside(points: np.ndarray, hull: np.ndarray) -> np.ndarray:
+def _within(points: np.ndarray, hull: np.ndarray) -> np.ndarray:
     """(N,) bool which points lie in a convex polygon, counter-clockwise."""
-    edges = np.roll(hull, -1, axis=0) - hull
-    offsets = points[:, None] - hull
-    cross = edges[:, 0] * offsets[..., 1] - edges[:, 1] * offsets[..., 0]
-    return (cross >= -_EDGE * np.ptp(hull, axis=0).max() ** 2).all(axis=1)
+    return inside(hull, *points.T, _EDGE * float(np.ptp(hull, axis=0).max()))
 
 
 def _clipped(places: np.ndarray, area_m) -> np.ndarray:
@@ -317,9 +309,9 @@ def _nearest(places: np.ndarray, coverage: Coverage, job: Job) -> np.ndarray:
     distance = (places - track.mean(axis=0)[:2]) @ (along / length)
     middle = surface_points(job, places[[np.abs(distance).argmin()]])[0]
     reach = coverage.unambiguous_m(middle) / 2
-    inside = np.abs(distance) <= reach * (1 + _EDGE)
+    near = np.abs(distance) <= reach * (1 + _EDGE)
     # a spotlight looks ahead or behind: what it names is all unambiguous then
-    return inside if inside.any() and np.ptp(distance) > 2 * reach else np.ones(len(places), bool)
+    return near if near.any() and np.ptp(distance) > 2 * reach else np.ones(len(places), bool)
 
 
 def brightness_scale(job: Job, pulses: DividedPulses, window: Window) -> BrightnessScale | None:

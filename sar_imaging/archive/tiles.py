@@ -20,7 +20,7 @@ from .job import Job
 from .pieces import ArchiveDataError, PieceResult, TilePiece
 from .scans import restored, write_text
 from .storage import COHERENCE, MOSAIC, STRIPS, TiledArray, image_array
-from .windows import Window
+from .windows import Window, inside
 
 POWER, LOOKS = 'power', 'looks'
 _ROWS_AT_ONCE = 256
@@ -71,38 +71,25 @@ def mean_power(names: Sequence[str], tile: Window, job: Job,
         samples = image_array(output, name, image.window, job.tile).read(common)
         for rows in common.strips(_ROWS_AT_ONCE):
             _add(total[rows.within(tile)], looks[rows.within(tile)],
-                 samples[rows.within(common)], inside(image.footprint_m, rows, job.spacing_m))
+                 samples[rows.within(common)], covered(image.footprint_m, rows, job.spacing_m))
     with np.errstate(invalid='ignore'):
         return (np.divide(total, looks, out=np.full(tile.shape, np.nan, np.float32),
                           where=looks > 0, casting='unsafe'), looks, missing)
 
 
-def _add(total: np.ndarray, looks: np.ndarray, samples: np.ndarray, covered: np.ndarray) -> None:
+def _add(total: np.ndarray, looks: np.ndarray, samples: np.ndarray, counted: np.ndarray) -> None:
     power = np.square(samples.real, dtype=np.float64)
     power += np.square(samples.imag, dtype=np.float64)
-    covered &= power > 0
-    total += np.where(covered, power, 0.0)
-    looks += covered
+    counted &= power > 0
+    total += np.where(counted, power, 0.0)
+    looks += counted
 
 
-def inside(footprint_m, window: Window, spacing_m: float) -> np.ndarray:
-    """(rows, columns) bool which pixels lie within the convex footprint, corners (N, 2), metres.
-
-    Its edges belong to it, up to a thousandth of a pixel.
-    """
-    corners = np.array(footprint_m, np.float64)
+def covered(footprint_m, window: Window, spacing_m: float) -> np.ndarray:
+    """(rows, columns) bool which pixels lie within a footprint, to a thousandth of a pixel."""
     x = np.arange(window.column0, window.column1) * spacing_m
     y = -np.arange(window.row0, window.row1)[:, None] * spacing_m
-    following = np.roll(corners, -1, axis=0)
-    area = corners[:, 0] @ following[:, 1] - corners[:, 1] @ following[:, 0]
-    sense = 1.0 if area >= 0 else -1.0
-    out = np.ones(window.shape, bool)
-    for (x0, y0), (x1, y1) in zip(corners, following, strict=True):
-        length = float(np.hypot(x1 - x0, y1 - y0))
-        if length:
-            left = (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)
-            out &= sense * left >= -1e-3 * spacing_m * length
-    return out
+    return inside(footprint_m, x, y, 1e-3 * spacing_m)
 
 
 VALUES, PHASE = 'coherence', 'phase_rad'

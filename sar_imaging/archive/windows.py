@@ -110,6 +110,32 @@ def union(windows: Iterable[Window]) -> Window:
     return Window(min(rows0), max(rows1), min(columns0), max(columns1))
 
 
+def box(points_m: np.ndarray) -> np.ndarray:
+    """(4, 2) corners of the rectangle around points (N, 2), counter-clockwise, metres."""
+    (x0, y0), (x1, y1) = points_m.min(axis=0), points_m.max(axis=0)
+    return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+
+
+def inside(corners_m, x_m: np.ndarray, y_m: np.ndarray, margin_m: float) -> np.ndarray:
+    """Which places lie within a convex footprint, or nearer to its edges than a margin.
+
+    Parameters
+    ----------
+    corners_m : (N, 2) array_like
+        Corners, counter-clockwise, metres.
+    x_m, y_m : arrays
+        Places, broadcast together, metres.
+    margin_m : float
+        Metres.
+    """
+    corners = np.array(corners_m, np.float64)
+    out = np.ones(np.broadcast_shapes(x_m.shape, y_m.shape), bool)
+    for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        left = (x1 - x0) * (y_m - y0) - (y1 - y0) * (x_m - x0)
+        out &= left >= -margin_m * float(np.hypot(x1 - x0, y1 - y0))
+    return out
+
+
 ELLIPSOID = 'ellipsoid'
 _ROUNDS = 4  # that find the surface; each gains three digits or more
 _ROWS_AT_ONCE = 64
