@@ -38,23 +38,24 @@ def peak_m(image, grid, position_m, search_m):
             grid.y_m[i] - offset(*power[i - 1:i + 2, j]) * grid.spacing_m)
 
 
-def test_a_recording_becomes_the_exact_images(make_chain, any_recording):
-    truth = any_recording.truth
+def test_a_recording_becomes_the_exact_images(make_chain, spotlight):
+    """Those of the point spread function are looked at in the tests of evaluate."""
+    truth = spotlight.truth
     n_images = truth['n_pulses'] // truth['pulses_per_aperture']
     chain = make_chain(truth)
     observer = chain.observer
-    observer.send(any_recording.raw)
+    observer.send(spotlight.raw)
     images = observer.wait_for('image_complex', n_images)
     grid = map_metadata_from_message(observer.wait_for('map_metadata', 1)[0])
     assert (list(grid.shape), grid.spacing_m) == (
         [truth['grid']['n_y'], truth['grid']['n_x']], truth['grid']['spacing_m'])
     np.testing.assert_allclose(grid.centre_m, truth['grid']['centre_m'], atol=1e-9)
 
-    stamps = any_recording.pulses.stamp_ns
+    stamps = spotlight.pulses.stamp_ns
     for aperture, message in enumerate(images):
         image = complex_from_message(message)
         counters = aperture_counters(truth, aperture)
-        assert any_recording.error_db(image, grid, counters) < LARGEST_ERROR_DB
+        assert spotlight.error_db(image, grid, counters) < LARGEST_ERROR_DB
         # The line through the first and last pulse's times, which are rounded to 1 ns.
         first = int(stamps[counters[0]])
         assert abs(stamp_ns(message) - first - (stamps[counters] - first).mean()) <= 2
@@ -78,7 +79,7 @@ def test_a_recording_becomes_the_exact_images(make_chain, any_recording):
         observer.wait_for_progress(node, last)
     observer.wait_for_counters('pulse_buffer', pulses_received=truth['n_pulses'],
                                pulses_missing=0, pulses_duplicate=0, pulses_late=0,
-                               blocks_received=len(any_recording.raw), blocks_rejected=0,
+                               blocks_received=len(spotlight.raw), blocks_rejected=0,
                                blocks_dropped=0, apertures_started=n_images)
     observer.wait_for_counters('range_compression', blocks_rejected=0, blocks_dropped=0,
                                plans_made=1)
