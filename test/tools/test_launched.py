@@ -146,6 +146,25 @@ def test_groups_pass_remappings_parameters_and_environment_on(started):
     assert profile.endswith('fastdds_large_segment.xml')
 
 
+def test_arguments_reach_the_nodes(started):
+    status, processes = started(include('sar_pipeline', use_sim_time='true', autostart='false'))
+    assert status == 0
+    [words] = [words for name, words, _ in processes if name == 'sar_pipeline']
+    assert {'use_sim_time:=true', 'autostart:=false'} <= set(words)
+
+
+@pytest.mark.parametrize('arguments', [{'mode': 'fast'}, {'config': 'absent'},
+                                       {'autostart': 'later'}])
+def test_arguments_that_make_no_sense_start_nothing(started, arguments):
+    assert started(include(**arguments)) == (1, [])
+
+
+def test_a_replay_without_rosbag2_starts_nothing(started, tmp_path):
+    (tmp_path / 'ros2bag' / '__init__.py').unlink()
+    (tmp_path / 'ros2bag').rmdir()
+    assert started(include('replay', bag=str(tmp_path))) == (1, [])
+
+
 def test_the_check_gets_the_arguments(started):
     status, processes = started(include(mode='volume'))
     assert status == 1
