@@ -229,7 +229,11 @@ def form_image(piece: ImagePiece, job: Job, output: Path) -> PieceResult:
     figures = checked.figures(values, *_energy(image.samples)) | {
         'method': report.method, 'predicted_error_db': report.predicted_error_db,
         'warnings': list(report.warnings)}
-    _store(piece, job, output, image.samples, checked, figures)
+    array, whole, scale = _opened(piece, job, output)
+    for rows in piece.window.strips(_ROWS_AT_ONCE) if scale else ():
+        image.samples[rows.within(piece.window)] *= scale.factors(*rows.within(whole))
+    array.write(piece.window, image.samples, whole)
+    _finish(piece, output, checked, figures)
     return _result(figures)
 
 
@@ -260,37 +264,23 @@ def _array(piece: ImagePiece | SumPiece, job: Job, output: Path, partial: str) -
     return partial_array(output, scan.name, partial, piece.window, job.tile)
 
 
-def _store(piece: ImagePiece | SumPiece, job: Job, output: Path, samples: np.ndarray,
-           checked: Checked, figures: dict) -> None:
-    """Write samples, and then what is known of them, which says that they are complete.
+def _opened(piece: ImagePiece | SumPiece, job: Job, output: Path
+            ) -> tuple[TiledArray, Window, BrightnessScale | None]:
+    """Array that a piece writes, made where it is missing, all its pixels, and their scale.
 
-    Samples of a whole image are scaled to the brightness that the job wants, in place.
+    Partial images have none: their sum is scaled to the brightness that the job wants.
     """
-    array = _array(piece, job, output, piece.partial)
-    whole = piece.window if piece.partial else piece.scan.window
-    _create(array, piece, job)
-    scale = _scale(piece, output)
-    for rows in piece.window.strips(_ROWS_AT_ONCE) if scale else ():
-        samples[rows.within(piece.window)] *= scale.factors(*rows.within(piece.scan.window))
-    array.write(piece.window, samples, whole)
-    _finish(piece, output, checked, figures)
-
-
-def _scale(piece: ImagePiece | SumPiece, output: Path) -> BrightnessScale | None:
-    """Scale of what a piece writes; None of partial images, whose sum is scaled."""
-    return None if piece.partial else piece.scan.brightness_scale(output)
-
-
-def _create(array: TiledArray, piece: ImagePiece | SumPiece, job: Job) -> None:
-    scan = piece.scan
+    scan, array = piece.scan, _array(piece, job, output, piece.partial)
+    whole = piece.window if piece.partial else scan.window
     array.create(np.complex64, 0, attributes={
-        'window': list((piece.window if piece.partial else scan.window).as_tuple),
-        'spacing_m': job.spacing_m, 'recording': scan.recording, 'pulses': scan.n_pulses,
-        'carrier_hz': scan.radar.carrier_hz} | (
+        'window': list(whole.as_tuple), 'spacing_m': job.spacing_m, 'recording': scan.recording,
+        'pulses': scan.n_pulses, 'carrier_hz': scan.radar.carrier_hz} | (
             {} if piece.partial else told_of(scan.radiometry)))
+    return array, whole, None if piece.partial else scan.brightness_scale(output)
 
 
 def _finish(piece: ImagePiece | SumPiece, output: Path, checked: Checked, figures: dict) -> None:
+    """Write what is known of an image, which says that its samples are complete."""
     name = _figures_path(output, piece.scan.name, piece.window, piece.partial)
     scan = piece.scan
     write_text(name.parent / _APERTURE, json.dumps({
@@ -370,10 +360,7 @@ def _summed(piece: SumPiece, parts: list[TiledArray], job: Job, output: Path) ->
                           np.array(f['reference'], float).reshape(-1, 2) @ [1, 1j],
                           np.array(f['covered'], bool)) for f in known)
     checked = Checked(one.index, one.reference + other.reference, one.covered & other.covered)
-    array = _array(piece, job, output, piece.partial)
-    whole = piece.window if piece.partial else piece.scan.window
-    _create(array, piece, job)
-    scale = _scale(piece, output)
+    array, whole, scale = _opened(piece, job, output)
     values = np.empty(len(checked.index), np.complex64)
     energy, n_pixels = 0.0, 0
     for tile in piece.window.tiles(job.tile):
@@ -383,7 +370,7 @@ def _summed(piece: SumPiece, parts: list[TiledArray], job: Job, output: Path) ->
         energy, n_pixels = energy + more, n_pixels + n
         _pick(values, checked.index, samples, window, piece.window)
         if scale is not None:
-            samples *= scale.factors(*window.within(piece.scan.window))
+            samples *= scale.factors(*window.within(whole))
         array.write(window, samples, whole)
     predicted = [f['predicted_error_db'] for f in known]
     figures = checked.figures(values, energy, n_pixels) | {
@@ -399,9 +386,8 @@ def _pick(values: np.ndarray, index: np.ndarray, samples: np.ndarray, part: Wind
     """Take the pixels with some numbers of a window from a part of it."""
     row, column = np.unravel_index(index, window.shape)
     row, column = row + window.row0, column + window.column0
-    inside = ((row >= part.row0) & (row < part.row1)
-              & (column >= part.column0) & (column < part.column1))
-    values[inside] = samples[row[inside] - part.row0, column[inside] - part.column0]
+    held = part.holds(row, column)
+    values[held] = samples[row[held] - part.row0, column[held] - part.column0]
 
 
 def _result(figures: dict) -> PieceResult:

@@ -136,13 +136,7 @@ def _points(row: np.ndarray, column: np.ndarray, mosaic: Window, job: Job) -> np
 
 def _covers(scan, row: np.ndarray, column: np.ndarray, job: Job) -> np.ndarray:
     """(K,) bool which pixels an aperture counts for."""
-    window = scan.window
-    out = ((row >= window.row0) & (row < window.row1)
-           & (column >= window.column0) & (column < window.column1))
-    for number in np.flatnonzero(out):
-        pixel = Window(row[number], row[number] + 1, column[number], column[number] + 1)
-        out[number] = covered(scan.footprint_m, pixel, job.spacing_m)[0, 0]
-    return out
+    return scan.window.holds(row, column) & covered(scan.footprint_m, row, column, job.spacing_m)
 
 
 def _chosen(output: Path, area: Window, job: Job, n_pixels: int, seed: int):

@@ -71,7 +71,9 @@ def mean_power(names: Sequence[str], tile: Window, job: Job,
         samples = image_array(output, name, image.window, job.tile).read(common)
         for rows in common.strips(_ROWS_AT_ONCE):
             _add(total[rows.within(tile)], looks[rows.within(tile)],
-                 samples[rows.within(common)], covered(image.footprint_m, rows, job.spacing_m))
+                 samples[rows.within(common)], covered(
+                     image.footprint_m, np.arange(rows.row0, rows.row1)[:, None],
+                     np.arange(rows.column0, rows.column1), job.spacing_m))
     with np.errstate(invalid='ignore'):
         return (np.divide(total, looks, out=np.full(tile.shape, np.nan, np.float32),
                           where=looks > 0, casting='unsafe'), looks, missing)
@@ -85,11 +87,9 @@ def _add(total: np.ndarray, looks: np.ndarray, samples: np.ndarray, counted: np.
     looks += counted
 
 
-def covered(footprint_m, window: Window, spacing_m: float) -> np.ndarray:
-    """(rows, columns) bool which pixels lie within a footprint, to a thousandth of a pixel."""
-    x = np.arange(window.column0, window.column1) * spacing_m
-    y = -np.arange(window.row0, window.row1)[:, None] * spacing_m
-    return inside(footprint_m, x, y, 1e-3 * spacing_m)
+def covered(footprint_m, row: np.ndarray, column: np.ndarray, spacing_m: float) -> np.ndarray:
+    """Which pixels of the lattice lie within a footprint, to a thousandth of a pixel."""
+    return inside(footprint_m, column * spacing_m, -row * spacing_m, 1e-3 * spacing_m)
 
 
 VALUES, PHASE = 'coherence', 'phase_rad'

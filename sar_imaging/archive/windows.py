@@ -85,6 +85,11 @@ class Window:
         column0, column1 = max(self.column0, other.column0), min(self.column1, other.column1)
         return Window(row0, row1, column0, column1) if row0 < row1 and column0 < column1 else None
 
+    def holds(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+        """Which pixels, by rows and columns of the lattice, are in it."""
+        return ((row >= self.row0) & (row < self.row1)
+                & (column >= self.column0) & (column < self.column1))
+
     def on_tiles(self, tile: int) -> Window:
         """Smallest window of whole tiles around it."""
         return Window(self.row0 // tile * tile, -(-self.row1 // tile) * tile,
