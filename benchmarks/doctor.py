@@ -77,6 +77,7 @@ def judged(make: Callable[[], Case], seed: int, fault: str, *, image: bool) -> d
              if f.fault not in _BY_NATURE.get(case.kind, ())}
     entry |= {
         'found': sorted(found), 'untold': list(examination.untold) if image else [],
+        'alternatives': list(diagnosis.alternatives) if diagnosis is not None else [],
         'undecided': [] if diagnosis is None else list(diagnosis.undecided),
         'focus': None if diagnosis is None else round(diagnosis.coherence, 2),
         'seconds': round(time.process_time() - began, 2)}
@@ -148,8 +149,8 @@ def outcome(entry: dict) -> str:
     if entry['fault'] == RIGHT:
         return ACCUSED if entry['found'] else UNTOLD if entry['untold'] else WELL
     wanted = FAULTS[entry['fault']][1]
-    if set(entry['found']) & set(wanted):
-        return NAMED
+    if {*entry['found'], *entry.get('alternatives', ())} & set(wanted):
+        return NAMED  # alone, or as one of several mistakes that explain the image as well
     if entry['found']:
         return MISSED
     return UNTOLD if entry['untold'] or set(entry['undecided']) & set(wanted) else MISSED

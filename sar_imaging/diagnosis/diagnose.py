@@ -36,6 +36,7 @@ from .coherence import (
 from .hypotheses import (
     HYPOTHESES,
     ORDER,
+    TRANSMITTERS,
     Hypothesis,
     clock_drift,
     clock_offset,
@@ -74,6 +75,7 @@ _PLAINLY = 2.0  # times its agreement, from which on halves are not asked
 _LIKELIER = 1.1  # times the agreement of another mistake: less tells the two not apart
 _DARKER, _AS_BRIGHT = 0.8, 0.95  # times the contrast, of images out of focus and in focus
 _MIRRORED = 0.5  # of the contrast of a mirrored scene: an image of less is not in focus
+_UPRIGHT = 0.25  # of an aperture's height, by which places may rise or fall
 _ALIKE = 0.8  # of contrast and agreement: a mirrored scene is as sharp
 _LEAST_COVERAGE = 0.25
 _WALK = 0.07  # by which scatterers walk too far, or too little
@@ -260,7 +262,8 @@ class _Tried:
     def halves(self) -> list[float]:
         """Gains of odd and even pulses, and of the halves of the map that hold anything.
 
-        Of what stands out: half of the pulses may agree over wide parts.
+        Of what stands out, or of contrast where that is in focus: what is not may agree over wide
+        parts, so that what stands out of it is much, too.
         """
         probe = CoherenceProbe(self.grid, BUDGET // 4)
         pairs = [[probe(b.select(slice(k, None, 2))) for b in (self.profiles, self.told)]
@@ -270,26 +273,34 @@ class _Tried:
                   for b in (self.profiles, self.told)]
         pairs += [pair for pair in zip(*halves, strict=True)
                   if pair[0].agreement > _ABOVE_NOISE * NOISE and pair[0].contrast > LEAST]
-        return [after.spread / max(then.spread, 1.0) for after, then in pairs]
+        return [max(gain_of(after, then), after.contrast / max(then.contrast, 1.0)
+                    if after.contrast > LEAST else 0.0) for after, then in pairs]
 
     def on_pulses_of(self, other: _Tried) -> _Tried:
-        """The same on those of its pulses that another try has, too.
+        """The same on those of its pulses and channels that another try has, too.
 
         Fewer pulses agree over wider parts of a scene, and an image of them has less contrast.
         """
         shared = np.isin(self.profiles.counter, other.profiles.counter)
-        if shared.all():
+        fewer = other.profiles.n_channels < self.profiles.n_channels
+        if shared.all() and not fewer:
             return self
         profiles, told = (b.select(shared) for b in (self.profiles, self.told))
+        if fewer:
+            profiles, told = one_channel(profiles), one_channel(told)
         probe = CoherenceProbe(self.grid)
         return dataclasses.replace(self, result=probe(profiles), before=probe(told),
                                    profiles=profiles, told=told)
 
     @property
     def leaves_focus(self) -> bool:
-        """Whether it is a mistake with which a scene may be as much in focus."""
+        """Whether it is a mistake with which a scene may be as much in focus.
+
+        At one elevation transmitters differ by phases alone, whatever their order.
+        """
         slope = self.mistake.sizes[0] if self.mistake.name == _SLOPE else 1.0
-        return self.mistake.isometry or abs(slope - 1) > _WALK
+        return (self.mistake.isometry or self.mistake is TRANSMITTERS
+                or abs(slope - 1) > _WALK)
 
     def walks_alone(self) -> bool:
         """Whether scatterers walk through range as their phase says without the mistake alone.
@@ -330,16 +341,16 @@ class _Tried:
         before = self.before
         if before.figure <= max(LEAST, _MIRRORED * self.result.contrast):
             return False
-        mirrored = self.mistake.isometry or (
-            self.mistake is ORDER and congruent(self.told, self.profiles))
-        if not (mirrored and self._keeps_heights()) and fills_a_plane(self.told):
+        turned = self.mistake.isometry or self.mistake is ORDER
+        mirrored = turned and congruent(self.told, self.profiles)
+        if not (turned and self._keeps_heights()) and fills_a_plane(self.told):
             return mirrored or before.contrast > _CLEARLY
         return mirrored and self.gain < _PLAINLY
 
     def _keeps_heights(self) -> bool:
-        """Whether a mirrored track is not upside down."""
-        z_m, before_m = (b.phase_centre_m[:, 2] for b in (self.profiles, self.told))
-        return bool(np.ptp(z_m - before_m) <= self.told.radar.wavelength_m / 8)
+        """Whether an aperture is not upside down."""
+        z_m, before_m = ((b.tx_m + b.rx_m)[..., 2] / 2 for b in (self.profiles, self.told))
+        return bool(np.ptp(z_m - before_m) <= _UPRIGHT * np.ptp(before_m))
 
 
 def least_contrast(contrast: float) -> float:
@@ -370,15 +381,17 @@ def _likelier(found: _Tried | None, searched: _Tried | None) -> _Tried | None:
     """What agrees best; what was searched for among many values has to do clearly better.
 
     It must not darken the image either: a ramp of the wrong sign and another slope focuses a few
-    scatterers, and the others less than the right ramp does.
+    scatterers, and the others less than the right ramp does. Where it is clearly sharper it
+    counts, too: what is not in focus may agree over wide parts.
     """
     if found is None or searched is None:
         return found or searched
     one, other = found.on_pulses_of(searched), searched.on_pulses_of(found)
     _logger.debug('of the same pulses, %s: %s, %s: %s', one.mistake.name, one.result,
                   other.mistake.name, other.result)
-    better = (other.gain > _LIKELIER * one.gain
-              and other.result.contrast > least_contrast(one.result.contrast))
+    contrasts = one.result.contrast, other.result.contrast
+    better = (contrasts[0] < _DARKER * contrasts[1] or other.gain > _LIKELIER * one.gain
+              and contrasts[1] > least_contrast(contrasts[0]))
     return searched if better else found
 
 
@@ -397,8 +410,12 @@ def _sharper(one: _Tried, other: _Tried) -> _Tried:
 
 
 def _as_sharp(tried: _Tried) -> bool:
-    """Whether the mirrored scene is in focus, and as right as the one of the data."""
-    return (tried.result.contrast > max(NOTHING, _ALIKE * tried.before.contrast)
+    """Whether the other scene is in focus, and as right as the one of the data.
+
+    Transmitters that agree over the whole map leave less contrast than those that do not.
+    """
+    before = 0.0 if tried.mistake is TRANSMITTERS else tried.before.contrast
+    return (tried.result.contrast > max(NOTHING, _ALIKE * before)
             and tried.result.agreement > _ALIKE * tried.before.agreement)
 
 

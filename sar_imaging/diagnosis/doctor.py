@@ -12,9 +12,9 @@ from ..signal.background import subtract_background
 from ..signal.pulses import PulseBlock
 from ..signal.range_compression import RangeCompressor
 from .channel_phases import phase_findings
-from .coherence import CoherenceProbe, profiles_of, resolved
+from .coherence import Coherence, CoherenceProbe, gain_of, profiles_of, resolved
 from .diagnose import BETTER, Diagnosis, diagnose, one_channel
-from .hypotheses import distances, reach_advice, with_offset
+from .hypotheses import TRANSMITTERS, distances, reach_advice, with_offset
 from .lever_arm import LeverArm, course, find_lever_arm, with_arm
 from .signals import (
     CERTAIN,
@@ -173,20 +173,35 @@ def _focused(block: PulseBlock, grid: MapGrid, window: str) -> tuple[list[Findin
     Phases also follow from what is wrong with the places of channels. Where none are left without
     another mistake, that is the one cause; where two are needed, what is sharper without both.
     """
-    def focus(cured: PulseBlock) -> float:
-        return CoherenceProbe(resolved(grid, cured))(profiles_of(cured, window)).contrast
+    def coherence(cured: PulseBlock) -> Coherence:
+        return CoherenceProbe(resolved(grid, cured))(profiles_of(cured, window))
 
     off, equal = phase_findings(block, grid, window=window)
     diagnosis = diagnose(equal, grid, window=window, thorough=True)
     as_they_are = diagnose(block, grid, window=window, thorough=True) if off else diagnosis
     if off and as_they_are.undo:
-        right = max(as_they_are.undo(block), key=focus)
+        right = max(as_they_are.undo(block), key=lambda cured: coherence(cured).contrast)
         left, cured = phase_findings(right, grid, window=window)
         more = 1.0 if diagnosis.mistake else BETTER  # a second cause has to gain as the first
         if (not left or diagnosis.mistake == as_they_are.mistake
-                or focus(cured) > more * diagnosis.corrected):
+                or coherence(cured).contrast > more * diagnosis.corrected):
             return left, as_they_are
+    ordered = TRANSMITTERS.undo(block) if off else []
+    if ordered:
+        right = max(ordered, key=lambda cured: coherence(cured).spread)
+        gain = gain_of(coherence(right), coherence(block))
+        if gain > BETTER and not phase_findings(right, grid, window=window)[0]:
+            off = [_order_of_transmitters(gain), *off]
     return off, diagnosis
+
+
+def _order_of_transmitters(gain: float) -> Finding:
+    """What is said where phases of channels vanish in another order, which no height explains."""
+    return Finding(TRANSMITTERS.name, (
+        'in another order the images of the channels do not differ in phase, and pulses agree '
+        f'{gain:.3g} times as well'), TRANSMITTERS.advice + '; or correct the phases of channels, '
+        'which explain it as well, not both',
+        'phases of channels, and a line over the places of the channels', ONE_OF_SEVERAL)
 
 
 def _lever_arm(block: PulseBlock, grid: MapGrid, window: str, attitude: Rotation | None,
@@ -195,10 +210,11 @@ def _lever_arm(block: PulseBlock, grid: MapGrid, window: str, attitude: Rotation
 
     None unless they agree about as well.
     """
-    clock = diagnosis.mistake == _CLOCK  # which an arm may look like
+    clock = diagnosis.mistake == _CLOCK
     if attitude is None:
         attitude = course(block)
-    if attitude is None or diagnosis.gain > _CERTAIN and not clock:
+    # what was searched for, as a rate of the clock, may be what an arm looks like
+    if attitude is None or diagnosis.gain > _CERTAIN and not diagnosis.sizes:
         return None, 0.0
     arm = find_lever_arm(block, attitude, grid, window=window)
     if arm is None or not arm.found:

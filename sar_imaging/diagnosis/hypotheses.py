@@ -235,15 +235,17 @@ GEOMETRY = (
 )
 ORDER = Hypothesis('positions reversed', 'the positions probably run against the pulses; reverse '
                    'one of them', _moved(lambda p: p[::-1]))
+TRANSMITTERS = Hypothesis(
+    'order of transmitters', 'the transmitters were probably recorded in another order than the '
+    'channels have phase centres; exchange the samples of their channels, or their phase centres',
+    _transmitters_ordered, of_samples=True)
 SAMPLES = (
     Hypothesis('samples conjugated', 'the samples are probably conjugated, or Q and I exchanged; '
                'pass samples.conj(), or set samples.conjugate in the description', conjugations,
                of_samples=True),
     Hypothesis('sign of the slope', 'the sign of chirp_rate_hz_per_s (the slope of the ramp) is '
                'probably wrong; reverse it', reversed_slopes, of_samples=True),
-    Hypothesis('order of transmitters', 'the transmitters were probably recorded in another order '
-               'than the channels have phase centres; exchange the samples of their channels, or '
-               'their phase centres', _transmitters_ordered, of_samples=True),
+    TRANSMITTERS,
 )
 HYPOTHESES = (*SAMPLES, *GEOMETRY, ORDER)
 

@@ -30,6 +30,7 @@ from .coherence import (
     resolved,
 )
 from .diagnose import BETTER, FINE_BUDGET, LEAST, least_contrast, one_channel
+from .range_walk import half_bands
 from .signals import LIKELY, ONE_OF_SEVERAL, Finding
 from .track import jumps
 
@@ -43,7 +44,7 @@ _ADDS_RAD = 0.5  # the same for a direction in which arms that were found are re
 _TOLD_RAD = 0.3  # rms phase that is still felt: it gives the error of a length
 _SHORTER = 0.3  # per square metre: of arms that do as well, the shorter one
 _MOST_ARMS = 1000
-_FIRST_LOOK = 100_000_000  # points times rows times arms
+_FIRST_LOOK = 50_000_000  # points times rows times arms
 _FEW_PULSES, _MOST_PULSES = 64, 256  # of a first look, and of the others
 _PEAKS, _STARTS = 8, 3  # of a first look, and those that are refined
 _MOST_CLIMBED = 100  # steps
@@ -165,17 +166,24 @@ def find_lever_arm(block: PulseBlock, attitude: Rotation, grid: MapGrid, *,
     profiles = profiles_of(block, window)
     # an arm may be all that makes an aperture
     grid = resolved(grid, _moved(block, 0.3 * _LONGEST_M * moves[:, :, 0]))
-    # the same pixels for all arms: these are not to displace the scene
-    fine, whole = (CoherenceProbe(grid, n).fixed(profiles) for n in (FINE_BUDGET, BUDGET))
 
     def spread(arm, pulses=slice(None)) -> float:
         return fine(_moved(profiles.select(pulses), moves[pulses] @ arm)).spread
 
+    fine = CoherenceProbe(grid, FINE_BUDGET)
     none = np.zeros(len(directions))
     few = slice(None, None, -(-block.n_pulses // _FEW_PULSES))
-    starts = [none, *_likely(profiles.select(few), moves[few], grid, blur_rad)]
+    starts = [none, *_beside_beats(profiles.select(few), moves[few], grid, blur_rad)]
     starts = sorted(starts, key=spread)[-_STARTS:]
-    best = max((_climbed(spread, start, blur_rad) for start in starts), key=spread)
+    tops = []
+    for start in starts:
+        # the same pixels for all arms that are near: these are not to displace the scene
+        fine = CoherenceProbe(grid, FINE_BUDGET).fixed(_moved(profiles, moves @ start))
+        tops.append(_climbed(spread, start, blur_rad))
+    fine = CoherenceProbe(grid, FINE_BUDGET)
+    best = max(tops, key=spread)
+    whole = CoherenceProbe(grid, BUDGET)
+    fine = fine.fixed(_moved(profiles, moves @ best))
     odd, even = (_climbed(lambda arm, k=k: spread(arm, slice(k, None, 2)), best, blur_rad)
                  for k in (0, 1))
     error_m = np.hypot(_TOLD_RAD / blur_rad, (odd - even) / 2)
@@ -244,8 +252,30 @@ def _directions(block: PulseBlock, moves: np.ndarray, grid: MapGrid
     return directions[adds], blur_rad[adds]
 
 
-def _likely(profiles: PulseBlock, moves: np.ndarray, grid: MapGrid, blur_rad: np.ndarray
-            ) -> np.ndarray:
+def _beside_beats(profiles: PulseBlock, moves: np.ndarray, grid: MapGrid, blur_rad: np.ndarray
+                  ) -> list[np.ndarray]:
+    """Arms (D,) near those with which the beats of the two halves of the band agree best.
+
+    A half of the band apart, their phases turn by a full cycle for a cell or two of range: a few
+    arms tell them all, and the brightest pixels of each are found, where millimetres of arm would
+    have to be tried. As `_likely` otherwise.
+    """
+    upper, lower = half_bands(profiles.samples)
+    radar = dataclasses.replace(profiles.radar, carrier_hz=profiles.radar.bandwidth_hz / 2)
+    places = radar.range_start_m + radar.sample_spacing_m * np.arange(profiles.n_samples)
+    turns = np.exp(-4j * np.pi / radar.wavelength_m * places)
+    beats = dataclasses.replace(profiles, radar=radar,
+                                samples=(upper * lower.conj() * turns).astype(np.complex64))
+    finer = radar.wavelength_m / profiles.radar.wavelength_m
+    out = []
+    for arm in _likely(beats, moves, resolved(grid, beats), blur_rad / finer)[:_STARTS]:
+        near = _moved(profiles, moves @ arm)
+        out += [arm + more for more in _likely(near, moves, grid, blur_rad, finer)]
+    return out
+
+
+def _likely(profiles: PulseBlock, moves: np.ndarray, grid: MapGrid, blur_rad: np.ndarray,
+            most: float = math.inf) -> np.ndarray:
     """(K, D) arms with which few pulses agree best, of all that are worth trying.
 
     Parameters
@@ -258,13 +288,15 @@ def _likely(profiles: PulseBlock, moves: np.ndarray, grid: MapGrid, blur_rad: np
         Grid of the image.
     blur_rad : (D,) float64
         Blur of a metre in each direction.
+    most : float
+        Lengths on each side.
 
     Returns
     -------
     (K, D) float64
         Metres in each direction, likeliest first.
     """
-    lengths_m = _lengths(blur_rad)
+    lengths_m = _lengths(blur_rad, most)
     shape = tuple(map(len, lengths_m))
     probe = CoherenceProbe(grid, _FIRST_LOOK // math.prod(shape)).fixed(profiles)
     figures = np.reshape([probe(_moved(profiles, moves @ np.array(arm))).spread
@@ -275,9 +307,9 @@ def _likely(profiles: PulseBlock, moves: np.ndarray, grid: MapGrid, blur_rad: np
                      for at in peaks])
 
 
-def _lengths(blur_rad: np.ndarray) -> list[np.ndarray]:
+def _lengths(blur_rad: np.ndarray, most: float) -> list[np.ndarray]:
     """Lengths (N,) of arm worth trying in each direction, metres; 0 where it tells little."""
-    n = (blur_rad * _LONGEST_M / _FELT_RAD).astype(int)
+    n = np.minimum(blur_rad * _LONGEST_M / _FELT_RAD, most).astype(int)
     while np.prod(2 * n + 1) > _MOST_ARMS and n[1:].any():
         n[np.flatnonzero(n)[-1]] -= 1  # what blurs least
     return [_FELT_RAD / blur * np.arange(-k, k + 1) for blur, k in zip(blur_rad, n, strict=True)]

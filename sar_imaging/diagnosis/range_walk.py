@@ -75,7 +75,7 @@ def walk_scale(profiles: PulseBlock, grid: MapGrid) -> WalkScale:
     points = _scatterers(profiles, grid)
     if not len(points):
         return WalkScale(0.0, math.inf, 0)
-    upper, lower = _half_bands(profiles.samples)
+    upper, lower = half_bands(profiles.samples)
     whole, half_path = sums(points, profiles.samples)
     cross = sums(points, upper)[0] * sums(points, lower)[0].conj()
     weight = np.maximum(np.abs(cross), 1e-300)
@@ -120,7 +120,7 @@ def _scatterers(profiles: PulseBlock, grid: MapGrid) -> np.ndarray:
     return points[peaks[:_MOST_SCATTERERS]]
 
 
-def _half_bands(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def half_bands(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Profiles (P, C, N) complex64 of the upper and of the lower half of the band."""
     spectra = fft.fft(samples, axis=-1)
     above = fft.fftfreq(samples.shape[-1]) > 0

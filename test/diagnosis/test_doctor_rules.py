@@ -14,8 +14,8 @@ from benchmarks.support.doctor_faults import FAULTS
 from benchmarks.support.mistake_recordings import DATA, arcsar, mimo
 from sar_imaging.diagnosis.channel_phases import array_phases, channel_phases, phase_findings
 from sar_imaging.diagnosis.coherence import OVERSAMPLING, CoherenceProbe
-from sar_imaging.diagnosis.diagnose import diagnose
-from sar_imaging.diagnosis.doctor import examine
+from sar_imaging.diagnosis.diagnose import Diagnosis, diagnose
+from sar_imaging.diagnosis.doctor import _lever_arm, examine
 from sar_imaging.diagnosis.hypotheses import (
     GEOMETRY,
     HYPOTHESES,
@@ -249,6 +249,17 @@ def test_arm_is_found_in_directions_that_blur_little():
     assert found.arm_m == pytest.approx(arm, abs=0.02)
 
 
+def test_arm_of_decimetres_is_found_on_an_arc_at_millimetre_waves():
+    """Each millimetre is half a turn of phase; a rate of the clock undoes it in part."""
+    right = family_case('wide', 158000)
+    case = FAULTS['lever arm forgotten'][0](right, np.random.default_rng([158000, 7]))
+    rate = Diagnosis(0.8, 1.0, 'clock drift', gain=20.0, sizes=(0.8,), corrected=2.0)
+    arm, better = _lever_arm(case.block, case.grid, 'none', right.attitude, rate)
+    # measured: 0.1 mm of 0.396 m; the wavelength is 4 mm
+    assert arm.told_m == pytest.approx(case.sizes, abs=0.001)
+    assert better == pytest.approx(arm.gain / 20)
+
+
 def test_turns_about_a_track_itself_are_not_taken_out_of_an_arm():
     """Wiggles of a track that climbs a little were taken for its turns; half of the focus went."""
     right = family_case('near', 98000)
@@ -285,6 +296,26 @@ def test_exchanged_axes_are_named_where_a_wide_aperture_holds_few_scatterers():
     """Few tiles of the image did not hold what is in focus, and phases of channels were named."""
     case = FAULTS['x and y exchanged'][0](right_case(123002), None)
     assert diagnose(case.block, case.grid).mistake == 'x and y exchanged'
+
+
+# Odd and even columns of a raster alias, and agree in what is not in focus (153100). On an array
+# an offset searched on one channel, and reversed positions on all (151002), are compared on one.
+# Of all orders of transmitters one leaves channels whose images do not differ in phase (153100).
+@pytest.mark.parametrize(('family', 'seed', 'fault', 'named'), [
+    ('volume', 153100, 'I and Q exchanged', ['samples conjugated']),
+    ('upright', 151002, 'clock offset', ['clock offset']),
+    ('upright', 151002, 'positions reversed', ['positions reversed']),
+    ('upright', 153100, 'order of transmitters', ['order of transmitters', 'phases of channels'])])
+def test_faults_of_apertures_that_fill_a_plane(family, seed, fault, named):
+    case = FAULTS[fault][0](family_case(family, seed), np.random.default_rng([seed, 7]))
+    assert [finding.fault for finding in examine(case.block, case.grid).findings] == named
+
+
+def test_order_of_transmitters_is_not_told_where_the_scene_lies_at_one_elevation():
+    right = family_case('upright', 151000)
+    wrong = FAULTS['order of transmitters'][0](right, np.random.default_rng([151000, 7]))
+    found = diagnose(wrong.block, wrong.grid, thorough=True)
+    assert not found.mistake and 'order of transmitters' in found.undecided
 
 
 def test_apertures_that_fill_a_plane():
