@@ -302,17 +302,6 @@ class _Tried:
         return (self.mistake.isometry or self.mistake is TRANSMITTERS
                 or abs(slope - 1) > _WALK)
 
-    def walks_alone(self) -> bool:
-        """Whether scatterers walk through range as their phase says without the mistake alone.
-
-        Ramps of the other sign mirror ranges, and with them which half of a map holds what.
-        """
-        if not self.mistake.of_samples or not self.profiles.radar.waveform.is_ramp:
-            return False
-        walks = walk_scale(self.profiles, self.grid)
-        return (walks.n_scatterers >= 2 and abs(walks.scale - 1) < _WALK
-                and not walk_scale(self.told, self.grid).n_scatterers)
-
     @property
     def helps(self) -> bool:
         """Whether pulses agree clearly better than as they are."""
@@ -370,8 +359,7 @@ def _best(tried: Iterable[_Tried]) -> _Tried | None:
         best = max((t for t in helping if t.gain >= gain), key=lambda t: t.result.contrast)
         halves = best.halves()
         # odd and even pulses are asked whatever the gain, halves of the map where it is small
-        if min(halves[:2]) > 1.0 and (best.gain > _PLAINLY or min(halves) > 1.0
-                                      or best.walks_alone()):
+        if min(halves[:2]) > 1.0 and (best.gain > _PLAINLY or min(halves) > 1.0):
             return best
         helping.remove(best)
     return None
