@@ -13,11 +13,10 @@ import bisect
 import dataclasses
 import functools
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
-from ...geometry.half_paths import half_paths, sample_paths
+from ...geometry.half_paths import pair_lengths, sample_paths
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
 from ..aliasing_error import cosine_fall
@@ -105,8 +104,8 @@ def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, gr
     ----------
     between, groups : BeamGain, sequence of G int
         Of the beams, and numbers of beams to a group.
-    radians, chirp : (V, R, D) float64
-        Of R echoes of V sub-apertures in D directions: phase from beam to beam, and how it grows.
+    radians, chirp : (D, V, R) float64
+        In D directions of R echoes of V sub-apertures: phase from beam to beam, and how it grows.
     uneven : float
         Phase from beam to beam by which echoes that share phasors are not opposite, rad.
     relative : (float, float)
@@ -143,8 +142,8 @@ def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, gr
 
 
 def rms_of_echoes(errors) -> np.ndarray:
-    """Rms over echoes of the largest of errors (..., V, R, D) anywhere; of V the worst."""
-    return np.sqrt((np.abs(errors).max(axis=-1) ** 2).mean(axis=-1)).max(axis=-1)
+    """Rms over echoes of the largest of errors (..., D, V, R) anywhere; of V the worst."""
+    return np.sqrt((np.abs(errors).max(axis=-3) ** 2).mean(axis=-1).max(axis=-1))
 
 
 @functools.lru_cache(maxsize=64)
@@ -189,6 +188,8 @@ _DIRECTION_STEP = 1e-4  # of the direction cosine, for a derivative
 class BeamGeometry:
     """Polar coordinates around the middle of a sub-aperture, on the plane of a polar grid.
 
+    Or of V sub-apertures at once, which all arrays then begin with.
+
     Attributes
     ----------
     polar : PolarGrid
@@ -209,41 +210,49 @@ class BeamGeometry:
 
     @classmethod
     def of(cls, polar: PolarGrid, edges: np.ndarray, tx_m, rx_m) -> BeamGeometry | None:
-        """Coordinates for some echoes; None where the plane is too steep below them.
+        """Coordinates for some echoes, see `around`."""
+        return cls.around(polar, edges, 0.5 * (tx_m + rx_m).sum(axis=0) / len(tx_m))
+
+    @classmethod
+    def around(cls, polar: PolarGrid, edges: np.ndarray, centre) -> BeamGeometry | None:
+        """Coordinates around mean phase centres; None where the plane is too steep below one.
 
         `edges` are the grid's, from `grid_edges`.
         """
-        centre = 0.5 * (tx_m + rx_m).sum(axis=0) / len(tx_m)
-        offset = edges - centre
-        length = np.sqrt(np.einsum('sk,sk->s', offset, offset))
-        direction = offset[:, :2] @ np.array(polar.track) / length
-        low, high = float(direction.min()), float(direction.max())
-        range_m = 2 / (1 / float(length.min()) + 1 / float(length.max()))
-        height = (float(centre[2]) - polar.z_m) / range_m
-        steepest = max(abs(low), abs(high)) + _MARGIN * (high - low)
-        steep = steepest ** 2 + height ** 2 >= 0.98
+        offset = edges - centre[..., None, :]
+        length = np.sqrt(np.einsum('...sk,...sk->...s', offset, offset))
+        direction = offset[..., :2] @ np.array(polar.track) / length
+        low, high = direction.min(axis=-1), direction.max(axis=-1)
+        range_m = 2 / (1 / length.min(axis=-1) + 1 / length.max(axis=-1))
+        height = (centre[..., 2] - polar.z_m) / range_m
+        steepest = np.maximum(np.abs(low), np.abs(high)) + _MARGIN * (high - low)
+        steep = (steepest ** 2 + height ** 2 >= 0.98).any()
         return None if steep else cls(polar, centre, range_m, (low, high))
+
+    @property
+    def height_m(self) -> float:
+        """Height of the middle above the plane, metres."""
+        return self.centre_m[..., 2] - self.polar.z_m
 
     @property
     def known(self) -> tuple[float, float]:
         """Extremes of the directions in which the plane lies well within sight."""
-        (low, high), height = self.direction, (self.centre_m[2] - self.polar.z_m) / self.range_m
-        margin, clear = _MARGIN * (high - low), _CLEAR * math.sqrt(1 - height ** 2)
-        return min(low - margin, -clear), max(high + margin, clear)
+        (low, high), height = self.direction, self.height_m / self.range_m
+        margin, clear = _MARGIN * (high - low), _CLEAR * np.sqrt(1 - height ** 2)
+        return np.minimum(low - margin, -clear), np.maximum(high + margin, clear)
 
     def beam_path(self, tx_m, rx_m, direction) -> np.ndarray:
         """`extra_path`, continued straight beyond the known directions, where it ends.
 
         `direction` ascends.
         """
-        low, high = self.known
-        if low <= direction[0] and direction[-1] <= high:
+        low, high = (end[..., None] for end in self.known)
+        if (low <= direction[..., :1]).all() and (direction[..., -1:] <= high).all():
             return self.extra_path(tx_m, rx_m, direction)
-        before, after = self.slope(tx_m, rx_m, (low, high))
-        direction = direction[:, None]
-        return (self.extra_path(tx_m, rx_m, np.clip(direction[:, 0], low, high))
-                + before * np.minimum(direction - low, 0.0)
-                + after * np.maximum(direction - high, 0.0))
+        before, after = (self.slope(tx_m, rx_m, end) for end in (low, high))
+        return (self.extra_path(tx_m, rx_m, np.clip(direction, low, high))
+                + before * np.minimum(direction - low, 0.0)[..., None]
+                + after * np.maximum(direction - high, 0.0)[..., None])
 
     def extra_path(self, tx_m, rx_m, direction) -> np.ndarray:
         """(S, R) by how much half paths are longer than the distance from the centre, metres.
@@ -251,30 +260,44 @@ class BeamGeometry:
         With w the offset of a phase centre from the middle and p that of the point in a
         direction, ``|p - w| - |p| = (|w|^2 - 2 w p) / (|p - w| + |p|)``, which cancels nothing.
         """
-        height = self.centre_m[2] - self.polar.z_m
-        along = self.range_m * np.asarray(direction, np.float64)
-        across = np.sqrt(np.maximum(self.range_m ** 2 - along ** 2 - height ** 2, 0.0))
-        point = (along[:, None] * self.polar.track + across[:, None] * self.polar.across)
-        # beyond the plane's horizon points lie further away than they are taken to
-        beyond = np.einsum('sk,sk->s', point, point) + height ** 2 - self.range_m ** 2
-        offset = np.concatenate([tx_m, rx_m]) - self.centre_m
-        square = np.einsum('rk,rk->r', offset, offset) + 2 * height * offset[:, 2]
-        longer = square - 2 * point @ offset[:, :2].T + beyond[:, None]
-        path = longer / (np.sqrt(self.range_m ** 2 + longer) + self.range_m)
-        return 0.5 * (path[:, :len(tx_m)] + path[:, len(tx_m):])
+        return self._expansion(tx_m, rx_m, direction, 0)[0]
 
     def slope(self, tx_m, rx_m, direction) -> np.ndarray:
         """(S, R) derivative of `extra_path` by direction, metres."""
-        return self.expansion(tx_m, rx_m, direction)[1]
+        before, after = (self.extra_path(tx_m, rx_m, np.add(direction, step))
+                         for step in (-_DIRECTION_STEP, _DIRECTION_STEP))
+        return (after - before) / (2 * _DIRECTION_STEP)
 
-    def expansion(self, tx_m, rx_m, direction) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(S, R) `extra_path`, its first and its second derivative by direction, metres."""
-        step, wide = _DIRECTION_STEP, 10 * _DIRECTION_STEP
-        beside = np.add.outer((-wide, -step, 0.0, step, wide), direction)
-        furthest_before, before, path, after, furthest_after = self.extra_path(
-            tx_m, rx_m, beside.ravel()).reshape(*beside.shape, -1)
-        return (path, (after - before) / (2 * step),
-                (furthest_before - 2 * path + furthest_after) / wide ** 2)
+    def expansion(self, tx_m, rx_m, direction) -> list[np.ndarray]:
+        """(S, R) `extra_path`, its first and its second derivative by direction, metres.
+
+        In directions in which the plane lies within sight.
+        """
+        return self._expansion(tx_m, rx_m, direction, 2)
+
+    def _expansion(self, tx_m, rx_m, direction, order: int) -> list[np.ndarray]:
+        """(S, R) `extra_path` and its first derivatives by direction."""
+        height, range_m = (np.asarray(v)[..., None] for v in (self.height_m, self.range_m))
+        along = range_m * np.asarray(direction, np.float64)
+        across = np.sqrt(np.maximum(range_m ** 2 - along ** 2 - height ** 2, 0.0))
+        # beyond the plane's horizon points lie further away than they are taken to
+        beyond = along ** 2 + across ** 2 + height ** 2 - range_m ** 2
+        offset = np.concatenate([tx_m, rx_m], axis=-2) - self.centre_m[..., None, :]
+        square = np.einsum('...rk,...rk->...r', offset, offset) + 2 * height * offset[..., 2]
+        to_track, beside = ((offset[..., :2] @ np.array(axis))[..., None, :]
+                            for axis in (self.polar.track, self.polar.across))
+        longer = (square[..., None, :] + beyond[..., None]
+                  - 2 * (along[..., None] * to_track + across[..., None] * beside))
+        far = range_m[..., None]
+        distance = np.sqrt(far ** 2 + longer)
+        found = [longer / (distance + far)]
+        if order:  # of the square of the distance; within sight nothing is beyond
+            turned = -range_m * along / across
+            bent = -(range_m ** 2 + turned ** 2) / across
+            found.append(-(far * to_track + turned[..., None] * beside) / distance)
+            found.append((-bent[..., None] * beside - found[1] ** 2) / distance)
+        n = tx_m.shape[-2]
+        return [0.5 * (v[..., :n] + v[..., n:]) for v in found]
 
     def uneven(self, tx_m, rx_m) -> float:
         """`unevenness` of echoes."""
@@ -283,20 +306,20 @@ class BeamGeometry:
     def spread(self, tx_m, rx_m, beyond: float = 0.0) -> float:
         """Largest derivative of `beam_path` by direction up to so far beyond the grid, metres."""
         low, high = self.direction
-        directions = np.linspace(low - beyond, high + beyond, _DIRECTIONS)
-        path = self.beam_path(tx_m, rx_m, directions)
-        growth = path[1:] - path[:-1]
-        return float(max(growth.max(), -growth.min()) / (directions[1] - directions[0]))
+        directions = np.linspace(low - beyond, high + beyond, _DIRECTIONS, axis=-1)
+        growth = np.diff(self.beam_path(tx_m, rx_m, directions), axis=-2)
+        return float((np.abs(growth).max(axis=(-2, -1))
+                      / (directions[..., 1] - directions[..., 0])).max())
 
 
 def unevenness(slope: np.ndarray) -> float:
     """By how much echoes on opposite sides fail to be opposite, rms, metres of slope.
 
-    `slope` is (2, R), that of `extra_path` in the extreme directions.
+    `slope` is (2, R), that of `extra_path` in the extreme directions; of (V, 2, R) the worst.
     """
-    slope = np.sort(slope)
-    worst = np.abs(slope + slope[:, ::-1]).max(axis=0)
-    return math.sqrt(worst @ worst / len(worst)) / 2
+    slope = np.sort(slope, axis=-1)
+    worst = np.abs(slope + slope[..., ::-1]).max(axis=-2)
+    return math.sqrt((worst ** 2).mean(axis=-1).max()) / 2
 
 
 def grid_edges(polar: PolarGrid) -> np.ndarray:
@@ -495,18 +518,13 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
         return None
     along = design_interpolator(over_range, taps=CELL_TAPS, degree=DEGREE, deapodised=True)
     k, wavelength_m = radar.wavenumber_rad_per_m, radar.wavelength_m
-    views = []
-    for view in _views(polar, subapertures, radar):
-        if view.phase_error ** 2 > 10 ** (target_db / 10):
-            return None
-        views.append(view)
-    if not views:
+    seen = _seen_from_middles(polar, subapertures, radar)
+    if seen is None or seen.phase_error ** 2 > 10 ** (target_db / 10):
         return None
     # Beams beside the grid count, too; there are fewer the wider the spread.
     finest = math.pi / (radar.wavenumbers_rad_per_m[1] * _OVERSAMPLING[0])
-    steepest = max(float(np.abs(view.slope).max()) for view in views)
-    beyond = OUTSIDE * finest / max(steepest, 1e-3 * wavelength_m)
-    spread = max(view.beams.spread(*view.centres, beyond) for view in views)
+    beyond = OUTSIDE * finest / max(float(np.abs(seen.slope).max()), 1e-3 * wavelength_m)
+    spread = seen.beams.spread(*seen.centres, beyond)
     # The last segment reaches beyond the image.
     spare = lattice.n_cells - reach_m / lattice.cell_m - 2 * CELL_TAPS
     segments = np.array([segment for segment in _SEGMENTS if segment <= spare])
@@ -522,19 +540,16 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
         _n_beams(span, spacings)[:, None, None, None], np.array(_GROUPS)[:, None, None],
         np.array([[True], [False]]), segments, len(subapertures[0][0]), lattice,
         polar.n_range * span / spacings[0]))
-    slope, curvature = (k * np.stack([getattr(view, name) for view in views])
-                        for name in ('slope', 'curvature'))
-    uneven = max(_LEAST_UNEVEN * wavelength_m, *(view.uneven_m for view in views))
+    slope, curvature = k * seen.slope, k * seen.curvature
+    uneven = max(_LEAST_UNEVEN * wavelength_m, seen.uneven_m)
     n_bins, bin_rad_per_m = lattice.n_padded, 2 * math.pi / (lattice.n_cells * lattice.cell_m)
     relative = [n * bin_rad_per_m / k
                 for n in (bins_per_run(n_bins, n_bins * bin_rad_per_m / k), STEP_BINS)]
     half_m = segments * polar.range_spacing_m / 2
-    drifts = [np.max([view.drifts(half_m, lattice.cell_m / polar.range_spacing_m)[n]
-                      for view in views], axis=0) for n in (0, 1)]
-    bend = max(view.by_range[2] for view in views)
+    drifts, bend = seen.drifts(half_m, lattice.cell_m / polar.range_spacing_m), seen.by_range[2]
     fixed = (_read_straight(drifts[0] / lattice.cell_m, over_range) ** 2
              + (k * bend * half_m ** 4 / 24 / 3) ** 2
-             + max(view.phase_error for view in views) ** 2
+             + seen.phase_error ** 2
              + 10 ** (total_db(along.error_db, _ARITHMETIC_DB) / 10))
 
     @functools.cache
@@ -576,15 +591,15 @@ def _between(i: int) -> BeamGain:
 
 
 @dataclasses.dataclass(frozen=True)
-class _View:
-    """Geometry of one sub-aperture, seen from its middle."""
+class _Views:
+    """Geometry of V sub-apertures, each seen from its middle; of what is one number the worst."""
 
     beams: BeamGeometry
-    centres: tuple[np.ndarray, np.ndarray]  # phase centres of some echoes, metres
+    centres: tuple[np.ndarray, np.ndarray]  # (V, R, 3) phase centres of some echoes, metres
     phase_error: float  # rms over the echoes of the largest one anywhere, rad
     uneven_m: float  # by which echoes on opposite sides of the centre are not opposite, rms
-    slope: np.ndarray  # (R, D) first derivative of the echoes' paths by direction, metres
-    curvature: np.ndarray  # (R, D) second derivative
+    slope: np.ndarray  # (D, V, R) first derivative of the echoes' paths by direction, metres
+    curvature: np.ndarray  # (D, V, R) second derivative
     # along lines: extremes of the distance's first derivative, magnitudes of its second and fourth
     # and of the direction cosine's first and second
     by_range: tuple[tuple[float, float], float, float, float, float]
@@ -599,36 +614,33 @@ class _View:
         return d1 * half_m + d2 * half_m ** 2 / 2, s1 * half_m + s2 * half_m ** 2 / 2
 
 
-def _views(polar: PolarGrid, subapertures, radar: RadarParameters) -> Iterator[_View]:
-    """Of each sub-aperture; none where the plane is too steep below one."""
-    lines, edges = polar.lines(*polar.sampled(*2 * (_SAMPLES_PER_SIDE,))), grid_edges(polar)
-    geometries = [BeamGeometry.of(polar, edges, *centres) for centres in subapertures]
-    if None in geometries:
-        return
-    middles = np.stack([beams.centre_m for beams in geometries])
-    middle = sample_paths(middles, middles, lines)
-    for one in zip(geometries, subapertures, middle.length, np.stack(middle.derivatives, axis=1),
-                   strict=True):
-        yield _view(*one, lines, radar)
-
-
-def _view(beams: BeamGeometry, centres, length, by_range, lines, radar) -> _View:
-    along = np.array([*beams.polar.track, 0.0])
-    direction = (lines[0] - beams.centre_m) @ along / length
+def _seen_from_middles(polar: PolarGrid, subapertures, radar: RadarParameters) -> _Views | None:
+    """None where the plane is too steep below one of the sub-apertures."""
+    centre = np.stack([0.5 * (tx + rx).mean(axis=0) for tx, rx in subapertures])
+    beams = BeamGeometry.around(polar, grid_edges(polar), centre)
+    if beams is None:
+        return None
+    some = [np.linspace(0, len(tx) - 1, _ECHOES).round().astype(int) for tx, _ in subapertures]
+    tx, rx = (np.stack([one[end][np.concatenate([i, len(one[end]) - 1 - i])]  # opposite ones, too
+                        for i, one in zip(some, subapertures, strict=True)]) for end in (0, 1))
+    lines = polar.lines(*polar.sampled(*2 * (_SAMPLES_PER_SIDE,)))
+    middle, along = sample_paths(centre, centre, lines), np.array([*polar.track, 0.0])
+    length, by_range = middle.length, middle.derivatives
+    direction = (lines[0] - centre[:, None]) @ along / length
     first = (lines[1] @ along - direction * by_range[0]) / length
     second = (lines[2] @ along - 2 * first * by_range[0] - direction * by_range[1]) / length
-    echoes = np.linspace(0, len(centres[0]) - 1, _ECHOES).round().astype(int)
-    echoes = np.concatenate([echoes, len(centres[0]) - 1 - echoes])  # opposite ones, too
-    some = centres[0][echoes], centres[1][echoes]
-    path, slope, _ = beams.expansion(*some, direction)
+    path, slope, _ = beams.expansion(tx, rx, direction)
     # What paths by direction alone miss; interpolation between beams makes good, to first order,
     # that they bend.
-    k, bend = radar.wavenumber_rad_per_m, slope.T ** 2 * (1 - direction ** 2) * (
-        1 / length - 1 / beams.range_m) / 2
-    missed = half_paths(*some, lines[0])[0] - length - path.T - bend
+    k = radar.wavenumber_rad_per_m
+    nearer = (1 - direction ** 2) * (1 / length - 1 / beams.range_m[:, None]) / 2
+    bend = slope ** 2 * nearer[..., None]
+    whole = pair_lengths(*(c.reshape(-1, 3) for c in (tx, rx)), lines[0][None])
+    missed = (whole.reshape(*tx.shape[:2], -1).swapaxes(1, 2) - length[..., None] - path - bend)
     error = (k * np.abs(missed) + (k * bend) ** 2 / 2
              + k * np.abs(bend) * (radar.bandwidth_hz / radar.carrier_hz / math.sqrt(12)))
-    _, slopes, curvature = beams.expansion(*some, np.linspace(*beams.direction, 3))
-    return _View(beams, some, float(rms_of_echoes(error[None])), unevenness(slopes[[0, -1]]),
-                 slopes.T, curvature.T, ((by_range[0].min(), by_range[0].max()), *(
-                     float(np.abs(d).max()) for d in (*by_range[[1, 3]], first, second))))
+    _, slope, curvature = beams.expansion(tx, rx, np.linspace(*beams.direction, 3, axis=-1))
+    return _Views(beams, (tx, rx), float(rms_of_echoes(error.swapaxes(0, 1))),
+                  unevenness(slope[:, [0, -1]]), slope.swapaxes(0, 1), curvature.swapaxes(0, 1),
+                  ((float(by_range[0].min()), float(by_range[0].max())), *(
+                      float(np.abs(d).max()) for d in (by_range[1], by_range[3], first, second))))
