@@ -74,7 +74,7 @@ def taper_band(guard_m: float) -> float:
 _STEPS_PER_BIN = 4
 _FINER = 2  # samples of the taper in a cell: its spectrum is wanted beyond the cells' own
 _LEAST_PLACES = 8  # of a table; one in each cell where that is more
-_CELLS_BETWEEN = 128  # the guards, in a table: errors are those of the edges
+_CELLS_BETWEEN = 64  # the guards, in a table: errors are those of the edges
 TONES = 16  # cycles per line, 0 to 0.5, of a table of errors
 _BETWEEN = 4  # places between two lines
 
@@ -114,17 +114,17 @@ class PixelDensity:
 EVERYTHING = PixelDensity()
 
 
-def aliasing_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, place=None,
-                   density=(1.0,)) -> float:
-    """Mean squared error of interpolated exponentials, relative to their power.
+def aliasing_error(n: int, n_guard: float, beta: float, frequency, place=None,
+                   density=(1.0,)) -> np.ndarray:
+    """Mean squared errors of interpolated exponentials, relative to their power.
 
     The coarse grid holds n bins, those between ``-(n // 2)`` and ``n - n // 2 - 1``. With the
     taper's transform W, the tapered exponential of frequency f has the spectrum ``W(b - f)``. What
     it has in bins b beyond an end is missing, and appears n bins away:
     ``e(c) = 2 |sum_b W(b - f) exp(j 2 pi b c / n)|^2`` at cell c on average over places between
-    cells, for both ends. The mean is over frequencies, by weight, and over cells, by density.
+    cells, for both ends. The mean is over cells, by density, of the frequency that occurs there.
 
-    It is 2, as if nothing fitted, where a frequency lies beyond the band.
+    All are 2, as if nothing fitted, where a frequency lies beyond the band.
 
     Parameters
     ----------
@@ -132,29 +132,31 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, p
         As for `guard_taper`, of the coarse grid.
     frequency : (..., S) array_like
         Frequencies, bins of the transform of n cells from the middle of the band.
-    weight : array_like
-        Shares of the frequencies, broadcast to their shape.
     place : (S,) array_like, optional
         Where they occur, 0 to 1 from guard to guard; everywhere if left out.
     density : (B,) array_like
         Density of the cells that should be right, from guard to guard and of mean one.
+
+    Returns
+    -------
+    (...) float64
     """
     frequency = np.atleast_1d(np.asarray(frequency, float))
+    shape, n_samples = frequency.shape[:-1], frequency.shape[-1]
     if frequency.size == 0 or np.abs(frequency).max() > n / 2:
-        return 2.0
+        return np.full(shape, 2.0)
     cells = min(n, math.ceil(2 * n_guard) + _CELLS_BETWEEN)
     cells -= (n - cells) % 2  # even bands lack the highest bin
     edge = (cells - 2 * n_guard) / (n - 2 * n_guard)
     where = _on_grid(_places(cells, n_guard), edge)
     share = density_at(where, density)
     if not share.any():
-        return 0.0
-    table, n_samples = _error_table(cells, n_guard, beta), frequency.shape[-1]
+        return np.zeros(shape)
+    table = _error_table(cells, n_guard, beta)
     places, group = np.unique(np.zeros(n_samples) if place is None else place, return_inverse=True)
     nearest = np.abs(np.subtract.outer(places, where)).argmin(axis=0)
     by_place = edge / len(where) * np.stack([
         (share * (nearest == number)) @ table for number in range(len(places))])
-    weight = np.broadcast_to(weight, frequency.shape).reshape(-1, n_samples)
     # Of both ends: the other one lies n + 1 bins from the first.
     scale, last = _STEPS_PER_BIN * cells / n, table.shape[1] - 1
     other = np.clip(round((n + 1) * scale) - np.arange(last + 1), 0, last)
@@ -162,8 +164,7 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency, weight=1.0, p
     step = (n - n // 2 - frequency) * scale
     step = np.minimum(np.rint(step, out=step), last, out=step).astype(np.intp)
     error = by_place.take(step + group * (last + 1))
-    by_sample = (weight * error.reshape(weight.shape)).sum(axis=0) / weight.sum(axis=0)
-    return float((np.bincount(group, by_sample) / np.bincount(group)).sum())
+    return error @ (1 / np.bincount(group))[group]
 
 
 def density_at(where, density, beyond: float | None = None) -> np.ndarray:
@@ -187,7 +188,7 @@ def _places(n: int, n_guard: float) -> np.ndarray:
     return (np.arange(n_places) + 0.5) / n_places
 
 
-@functools.lru_cache(maxsize=16)
+@functools.lru_cache(maxsize=32)
 def _error_table(n: int, n_guard: float, beta: float) -> np.ndarray:
     """(places, distances) squared error of an exponential by its spectrum beyond a band's end.
 
@@ -241,4 +242,4 @@ def _correction_table(oversampling: float, taps: int, degree: int, n: int, n_gua
 
 def taper_shape(n_guard: float, oversampling: float) -> float:
     """Shape of the taper with about the least error (fitted to `aliasing_error`)."""
-    return max(0.5, 1.5 * n_guard * (1 - 1 / oversampling))
+    return np.maximum(0.5, 1.5 * n_guard * (1 - 1 / oversampling))

@@ -68,17 +68,24 @@ def azimuth_warnings(points_m, tx_m, rx_m, radar: RadarParameters,
     if len(apart) < 3:
         return ()
     sine = 0.5 * apart[:, None]
-    ends = np.stack([origin + range_m * (np.sqrt(1 - sine ** 2) * look + side * sine * across)
+    ends = np.stack([range_m * (np.sqrt(1 - sine ** 2) * look + side * sine * across)
                      for side in (-1, 1)])
+    centres = [centre[some] - origin for centre in (tx_m, rx_m)]
     # Where neighbouring echoes differ by less than half a cycle, sums follow the integral over
     # the track, which has one lobe.
-    step = np.abs(np.diff(_apart(ends[:, -1:], tx_m[some], rx_m[some]), axis=0)).max()
+    step = np.abs(np.diff(_apart(ends[:, -1:], *centres), axis=0)).max()
     first = max(0, math.floor(len(apart) * radar.wavelength_m / 4 / max(step, 1e-12)) - 1)
     apart, ends = apart[first:], ends[:, first:]
     if len(apart) < 3:
         return ()
-    level, n_cells = _ghosts(ends, tx_m[some], rx_m[some], np.gradient(along[some]), radar,
-                             illumination and illumination.select(some))
+    weight = np.gradient(along[some])[:, None].astype(np.float32)
+    own = weight.sum()
+    if illumination is not None:
+        seen, there = (illumination.select(some).amplitude(origin + end) for end in ends)
+        own = np.sqrt((weight * seen ** 2).sum(axis=0) * (weight * there ** 2).sum(axis=0))
+        weight = weight * seen * there
+    level, n_cells = _ghosts(_apart(ends, *centres), weight, radar)
+    level /= np.maximum(own, 1e-30)
     lobes = np.flatnonzero((level[1:-1] >= level[:-2]) & (level[1:-1] > level[2:])
                            & (level[1:-1] > _GHOST)) + 1
     if not len(lobes):
@@ -103,25 +110,34 @@ def _beyond(direction, ranges) -> np.ndarray:
 
 
 def _apart(ends, tx_m, rx_m) -> np.ndarray:
-    """(R, N) by how much half paths to the first of two places, (2, N, 3), are longer, metres."""
-    return np.subtract(*(half_paths(tx_m, rx_m, end)[0] for end in ends))
+    """(R, N) float32 by how much half paths to the first of two places are longer, metres.
 
-
-def _ghosts(ends, tx_m, rx_m, weight, radar, illumination) -> tuple[np.ndarray, np.ndarray]:
-    """(N,) amplitudes at places (N, 3) of scatterers at others, and over how many ranges.
-
-    They are relative to those at their own places, and at one wavelength: ranges that walk from
-    echo to echo spread a ghost over ranges, other wavelengths over directions.
+    Places, (2, N, 3), and phase centres are counted from nearby: the difference of two squares of
+    distances over their sum keeps all digits that float32 has.
     """
-    apart = _apart(ends, tx_m, rx_m)
-    weight = np.broadcast_to(weight[:, None], apart.shape)
-    seen = there = np.ones(1)
-    if illumination is not None:
-        seen, there = (illumination.amplitude(end) for end in ends)
-    own = np.sqrt((weight * seen ** 2).sum(axis=0) * (weight * there ** 2).sum(axis=0))
-    response = weight * seen * there * np.exp(1j * radar.wavenumber_rad_per_m * apart)
-    return (np.abs(response.sum(axis=0)) / np.maximum(own, 1e-30),
-            1 + np.ptp(apart, axis=0) / radar.range_resolution_m)
+    square, between = np.einsum('enk,enk->en', ends, ends), 2 * (ends[0] - ends[1]).T
+    single, found = [v.astype(np.float32) for v in (*square, *-2 * ends.swapaxes(1, 2))], 0.0
+    centres = (tx_m,) if np.array_equal(tx_m, rx_m) else (tx_m, rx_m)
+    for centre in centres:
+        own = np.einsum('rk,rk->r', centre, centre)[:, None].astype(np.float32)
+        near = ((square[0] - square[1]) - centre @ between).astype(np.float32)
+        centre = centre.astype(np.float32)
+        far = sum(np.sqrt(own + single[n] + centre @ single[2 + n]) for n in (0, 1))
+        found = found + near / far
+    return found / len(centres)
+
+
+def _ghosts(apart, weight, radar) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) amplitudes at places of scatterers at others, and over how many ranges.
+
+    Paths to both differ by `apart`, (R, N) metres; `weight`, broadcast to that, is that of the
+    echoes. At one wavelength: ranges that walk from echo to echo spread a ghost over ranges, other
+    wavelengths over directions.
+    """
+    cycles = apart * np.float32(radar.wavenumber_rad_per_m / (2 * np.pi))
+    phase = np.float32(2 * np.pi) * (cycles - np.rint(cycles))
+    response = np.hypot(*((weight * part(phase)).sum(axis=0) for part in (np.cos, np.sin)))
+    return response, 1 + np.ptp(apart, axis=0) / radar.range_resolution_m
 
 
 def flight_warnings(place_m, block: PulseBlock, pattern: AntennaPattern | None

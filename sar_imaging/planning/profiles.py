@@ -433,12 +433,12 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
         cell = n_padded * radar.sample_spacing_m / n_cells
         if fit_spacing:
             spacing = cell / middle
-        lattices = (_fitted(RangeResampling(n_padded, n_cells, phases, segment, cell / phases,
-                                            spacing, None, math.inf),
-                            slope, errors, radar, target_db)
-                    for segment in _SEGMENTS if segment <= longest)
-        if found := [lattice for lattice in lattices if lattice is not None]:
-            return min(found, key=lambda lattice: lattice.cost)  # more phases only cost memory
+        for segment in _SEGMENTS[_SEGMENTS.index(longest):]:  # the longer, the quicker
+            lattice = _fitted(RangeResampling(n_padded, n_cells, phases, segment, cell / phases,
+                                              spacing, None, math.inf),
+                              slope, errors, radar, target_db)
+            if lattice is not None:  # more phases only cost memory
+                return lattice
     return None
 
 

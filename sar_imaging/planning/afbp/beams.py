@@ -339,7 +339,8 @@ BEYOND = 1  # beams beyond those that interpolation needs, for rounding
 OUTSIDE = BEAM_TAPS // 2 - 1 + BEYOND  # beams before the first direction of the grid
 _SPREAD_STEP = 1.02  # factors between one spread that is planned for and the next
 SLACK = 1.1  # sub-apertures that were not looked at may be as much worse
-_SURELY = 0.5  # of a bound
+# Of all that a bend may leave: 1.3 times a lower bound is left at least (measured)
+_BEND_SHARE = 0.65
 _LEAST_UNEVEN = 1e-4  # wavelengths, which matters to no image
 _ARITHMETIC_DB = -80.0  # float32 phasors that turn from bin to bin (measured)
 
@@ -445,17 +446,20 @@ def least_operations(n_echoes: int, lattice: RangeResampling, n_pixels: int,
     return counts | {'beam_bin': 0.5 * n_beams * n_echoes * lattice.n_padded}  # of any groups
 
 
-def surely_bend(polar: PolarGrid, slope_m: float, radar: RadarParameters,
-                target_db: float) -> bool:
-    """Whether `plan_beams` surely finds that paths bend too much from range to range.
+def least_bending_slope(polar: PolarGrid, radar: RadarParameters, target_db: float) -> float:
+    """Derivative of paths by direction, metres, from which on they bend too much for beams.
 
-    `slope_m` is the largest derivative of an echo's path by direction, metres. A lower bound of
-    the phase that is left of a bend, see `_view`, of echoes that lie evenly.
+    By a lower bound of the phase that is left of a bend, see `_seen_from_middles`, for echoes
+    that lie evenly.
     """
     alpha = max(abs(polar.alpha_start), abs(polar.alpha[-1]))
     nearer = 1 / polar.range_start_m - 1 / polar.range_m[-1]
-    bend = radar.wavenumber_rad_per_m * slope_m ** 2 * (1 - alpha ** 2) * nearer / 4
-    return _SURELY * bend ** 2 / 2 / 3 > 10 ** (target_db / 20)
+    # rms phases that are left of a bend of b rad at the ends: b^2 / 6, and this share of b
+    by_band = radar.bandwidth_hz / radar.carrier_hz / math.sqrt(12) / 3
+    left = _BEND_SHARE * math.sqrt(max(10 ** (target_db / 10) - 10 ** (_ARITHMETIC_DB / 10), 0.0))
+    most = 3 * (math.sqrt(by_band ** 2 + left / 1.5) - by_band)
+    curved = radar.wavenumber_rad_per_m * (1 - alpha ** 2) * nearer / 4
+    return math.sqrt(most / curved) if curved > 0 else math.inf
 
 
 # The next three take numbers, or arrays that are broadcast together.

@@ -17,7 +17,7 @@ from ..ambiguities import azimuth_warnings
 from ..costs import costs
 from ..plan import Plan
 from ..polar_cover import PolarCover
-from ..profiles import PhaseHistory, reach_warnings, some_pixels
+from ..profiles import PhaseHistory, covered_ranges, reach_warnings, some_pixels
 from .polar_grids import cover_for_fusion
 from .subapertures import SubaperturePlan, plan_subapertures
 
@@ -71,12 +71,14 @@ class AfbpPlan(Plan):
         errors = plan.errors_db
         if cover is not None:
             errors |= {'polar to map': cover.resampling_db, 'ends of profiles': cover.profile_db}
+        pixels, illumination = some_pixels(grid), plan.lit and plan.lit.illumination
+        start, stop = covered_ranges(plan.given, plan.n_samples)
         # phase histories repeat
-        beyond = () if plan.source.periodic else reach_warnings(
-            some_pixels(grid), tx_m, rx_m, plan.given, plan.n_samples,
-            plan.lit and plan.lit.illumination)
-        warnings = (*plan.warnings, *beyond, *azimuth_warnings(
-            some_pixels(grid), tx_m, rx_m, plan.radar, plan.lit and plan.lit.illumination))
+        within = plan.source.periodic or start <= plan.range_m[0] <= plan.range_m[1] <= stop
+        beyond = () if within else reach_warnings(pixels, tx_m, rx_m, plan.given, plan.n_samples,
+                                                  illumination)
+        warnings = (*plan.warnings, *beyond, *azimuth_warnings(pixels, tx_m, rx_m, plan.radar,
+                                                               illumination))
         seconds = costs().seconds(_operations(grid, plan))
         return cls(grid, tx_m.copy(), rx_m.copy(), plan, errors, seconds, _n_bytes(grid, plan),
                    warnings, **more)

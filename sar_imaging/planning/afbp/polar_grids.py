@@ -212,10 +212,10 @@ class UnifiedPolarGrids(FusionSizes):
                              'a map; plan it for a MapGrid')
 
 
-_COVERAGE_SAMPLES, _COVERAGE_BINS = 256, 64
+_COVERAGE_SAMPLES, _COVERAGE_BINS = 96, 64
 _MIXED_LINES = 4  # on either side
-_WAVENUMBERS = 7  # of the band
-_ECHOES = 256
+_WAVENUMBERS = 3  # of the band
+_ECHOES = 128
 
 
 def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,

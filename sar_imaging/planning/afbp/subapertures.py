@@ -12,10 +12,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import heapq
-import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import scipy.fft
@@ -49,7 +47,14 @@ from ..profiles import (
     resampling_error_db,
 )
 from ..transform_lengths import quick_length, row_length
-from .beams import SLACK, BeamSampling, bins_per_run, least_operations, plan_beams, surely_bend
+from .beams import (
+    SLACK,
+    BeamSampling,
+    bins_per_run,
+    least_bending_slope,
+    least_operations,
+    plan_beams,
+)
 from .lit_subapertures import AmplitudeNodes, LitError, LitSubapertures, amplitude_nodes
 from .polar_grids import FusionSizes, UnifiedPolarGrids, map_density
 
@@ -204,10 +209,9 @@ _GAP = 4.0  # times the usual distance between pulses
 _STANDS = 0.1  # of the mean distance, at which a platform stands still
 _OVERSAMPLING = (1.1, 1.15, 1.2, 1.25, 1.3, 1.4, 1.6, 1.8, 2.0, 2.3, 2.7, 3.2)
 _GUARDS = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
-# Errors are above the first less the second for each unit of the taper's shape, by 3 dB and more
+# Errors are above the first, and fall by less than the second for each unit of the taper's shape
 # (measured; the lobes of the Kaiser window itself fall by 8.7 dB).
-_FLAT_DB, _FALL_DB = -34.0, 11.0
-_BOUND = 0.95  # of what rounding to quick lengths may save
+_FLAT_DB, _FALL_DB = -30.0, 11.0
 _LEAST_RANGE_GUARD = 16
 _WIDE_GUARD = 3.0  # times those along direction: there the error is far less
 _NEARER = (0.7, 0.9)  # shares of the furthest distance from the centre, which are told apart
@@ -216,7 +220,7 @@ _NEARER = (0.7, 0.9)  # shares of the furthest distance from the centre, which a
 # images of few scatterers.
 _CHANCE = 1.2
 # At which errors are looked up: echoes of each sub-aperture, of all, and wavenumbers of each echo
-_ECHOES_EACH, _ECHOES_FOR_ERROR, _WAVENUMBERS = 24, 384, 6
+_ECHOES_EACH, _ECHOES_FOR_ERROR, _WAVENUMBERS = 16, 128, 6
 
 
 def pieces_between_gaps(middles) -> list[tuple[int, int]]:
@@ -263,6 +267,8 @@ class Sampling:
         Number of sub-apertures of even power whose sum would vary as much by chance.
     error_db : float
         Predicted error of the fusion, dB.
+    half_m : float
+        Half the widest range of slopes of a sub-aperture, metres.
     """
 
     pulses: tuple[slice, ...]
@@ -271,68 +277,36 @@ class Sampling:
     coverage: PixelDensity
     n_even: float
     error_db: float = math.nan
+    half_m: float = math.nan
 
 
 @dataclasses.dataclass(frozen=True)
 class _Cut:
-    """One cut into sub-apertures, with the sizes of all oversamplings and guards.
+    """One cut into sub-apertures.
 
     `half` is half the widest band along direction, rad, and `half_m` half the widest range of
-    slopes in it, metres; `power`, (W, U), is that of the sub-apertures; ratio and coverage as of
-    `choose_sampling`.
+    slopes in it, metres; `power`, (W, U), is that of the sub-apertures.
     """
 
-    polar: PolarGrid
-    ratio: tuple[int, int]
     pulses: tuple[slice, ...]
     centre: np.ndarray
     half_m: float
     half: float
     power: np.ndarray
-    coverage: PixelDensity
 
-    @functools.cached_property
-    def sizes(self) -> list[FusionSizes]:
-        """Those of all choices."""
-        return [self._sizes(*choice) for choice in itertools.product(_OVERSAMPLING, _GUARDS)]
+    @property
+    def furthest_m(self) -> float:
+        """Largest distance of a band's middle from that of the grid, metres."""
+        return float(np.abs(self.centre).max())
 
-    def sampling(self, place: int) -> Sampling:
-        """That of one choice."""
+    def sampling(self, sizes: FusionSizes, coverage: PixelDensity) -> Sampling:
+        """That of some sizes."""
         n_even = float((self.power.sum(axis=1) ** 2 / (self.power ** 2).sum(axis=1)).min())
-        return Sampling(self.pulses, self.centre, self.sizes[place], self.coverage, n_even)
-
-    def costs(self, first_stage: SubapertureCost) -> np.ndarray:
-        """Nanoseconds of all choices."""
-        n_coarse, n_fine = _n_pixels(self.sizes)
-        return (self._fusion_cost(n_coarse, n_fine)
-                + first_stage.cost(self.pulses, self.half_m, n_coarse))
-
-    def least_cost(self, first_stage: SubapertureCost) -> float:
-        """About the least of `costs`, or less; found much more quickly."""
-        n_coarse, n_fine = _n_pixels([self._sizes(_OVERSAMPLING[0], _GUARDS[0])])
-        return _BOUND * (self._fusion_cost(n_coarse, n_fine) + first_stage.least_cost(
-            self.pulses, self.half_m, n_coarse)).item()
-
-    def _sizes(self, *choice) -> FusionSizes:
-        return _sizes(self.polar, self.ratio, float(np.abs(self.centre).max()),
-                      max(self.half, 1e-9), *choice)
-
-    def _fusion_cost(self, n_coarse, n_fine):
-        n = len(self.pulses)
-        return costs().nanoseconds({'subaperture': n, 'coarse_pixel': n * n_coarse,
-                                    'fine_pixel': n_fine})
+        return Sampling(self.pulses, self.centre, sizes, coverage, n_even, half_m=self.half_m)
 
 
-def _n_pixels(sizes: list[FusionSizes]) -> np.ndarray:
-    """(2, K) int64 pixels of a sub-aperture image, and of the fused one."""
-    return np.array([(s.n_coarse * s.n_coarse_range, s.n_fine * s.n_fine_range) for s in sizes]).T
-
-
-def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
-                    first_stage: SubapertureCost, target_db: float,
-                    coverage: PixelDensity = EVERYTHING,
-                    ratio: tuple[int, int] = (1, 1)) -> Sampling | None:
-    """Quickest cut and coarse sampling that meet a target.
+class SamplingSearch:
+    """Search for the quickest cut and coarse sampling that meet a target.
 
     Zhang et al., equation 16: a sub-aperture whose echoes have the slopes x_lo to x_hi (derivative
     of the half path by direction, metres; positions along the track) fills the angular wavenumbers
@@ -340,7 +314,7 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
     ``2 pi / (K_max (x_hi - x_lo))``. They lie some times closer, and some of them on either side
     are guards, over which a taper makes the image periodic. The error is that of the taper's
     spectrum beyond the band (`aliasing_error`), at the frequencies of the echoes. Cuts,
-    oversamplings and guards are tried from the quickest on. None where the target cannot be met.
+    oversamplings and guards are tried from the quickest on, by sizes that are not rounded yet.
 
     Parameters
     ----------
@@ -350,11 +324,52 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
         Of `polar`, and what of it must be right.
     lengths : sequence of int
         Pulses of a sub-aperture to try.
-    first_stage : SubapertureCost
-        Tells the time of all sub-aperture images.
     ratio : (int, int)
         Ranges of a sub-aperture image to those of the fused one.
     """
+
+    def __init__(self, polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
+                 target_db: float, coverage: PixelDensity = EVERYTHING,
+                 ratio: tuple[int, int] = (1, 1)):
+        self._polar, self._bands, self._ratio = polar, bands, ratio
+        self._target_db, self._coverage = target_db, coverage
+        self._cuts = _cuts(bands, tx_m, rx_m, lengths)
+        # shapes of tapers that surely miss the target, cut by cut
+        self._flattest = np.full(len(self._cuts), (_FLAT_DB - target_db) / _FALL_DB)
+        self._echoes = functools.cache(lambda cut: _echoes_for_error(
+            self._cuts[cut], bands, tx_m.shape[1]))
+
+    def quickest(self, first_stage: SubapertureCost) -> Sampling | None:
+        """The quickest one; None where the target cannot be met.
+
+        `first_stage` tells the time of all sub-aperture images.
+        """
+        cost = np.stack([_cost(cut, self._polar, self._ratio, first_stage, flattest)
+                         for cut, flattest in zip(self._cuts, self._flattest, strict=True)])
+        order = np.argsort(cost, axis=None, kind='stable')[:np.isfinite(cost).sum()]
+        for place in zip(*np.unravel_index(order, cost.shape), strict=True):
+            if (found := self._sampling(*place)) is not None:
+                return found
+        return None
+
+    @functools.cache  # noqa: B019 lives as long as the search
+    def _sampling(self, cut: int, oversampling: int, guard: int) -> Sampling | None:
+        """One of them, None where it misses the target."""
+        one, polar = self._cuts[cut], self._polar
+        sizes = _sizes(polar, self._ratio, one.furthest_m, one.half, _OVERSAMPLING[oversampling],
+                       _GUARDS[guard])
+        if sizes.beta < self._flattest[cut] or not _on_plane(sizes):
+            return None
+        found = one.sampling(sizes, self._coverage)
+        error_db = 10 * math.log10(fusion_error(found, self._bands, *self._echoes(cut)) + 1e-16)
+        if error_db <= self._target_db:
+            return dataclasses.replace(found, error_db=error_db)
+        self._flattest[cut] = sizes.beta + (error_db - self._target_db) / _FALL_DB
+        return None
+
+
+def _cuts(bands: LocalSpectrum, tx_m, rx_m, lengths) -> list[_Cut]:
+    """Those with sub-apertures of some lengths, as far as the aperture holds them."""
     n_pulses, n_channels = tx_m.shape[:2]
     pieces = pieces_between_gaps(mean_centres(tx_m, rx_m))
     least, most = bands.slope.min(axis=1), bands.slope.max(axis=1)
@@ -368,42 +383,28 @@ def choose_sampling(polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
         half_m = 0.5 * float((hi - lo).max())
         half = bands.wavenumber[1] * half_m + math.sqrt(3) * bands.spread.rms
         power = np.add.reduceat(bands.weight, first, axis=1)
-        cuts.append(_Cut(polar, ratio, pulses, 0.5 * (lo + hi), half_m, half, power, coverage))
-
-    @functools.cache
-    def some_echoes(cut):
-        return _echoes_for_error(cuts[cut].sampling(0), bands, n_channels)
-
-    @functools.cache
-    def error_db(cut, sizes):
-        found = dataclasses.replace(cuts[cut].sampling(0), sizes=sizes)
-        return 10 * math.log10(fusion_error(found, bands, *some_echoes(cut)) + 1e-16)
-
-    failed = np.zeros((len(cuts), len(_OVERSAMPLING), len(_GUARDS)), bool)
-    flattest = (_FLAT_DB - target_db) / _FALL_DB
-    for cut, place in _by_cost(cuts, first_stage):
-        (i, j), sizes = divmod(place, len(_GUARDS)), cuts[cut].sizes[place]
-        if failed[cut, i, j] or sizes.beta < flattest or not _on_plane(sizes):
-            continue
-        found_db = error_db(cut, sizes)
-        if found_db <= target_db:
-            return dataclasses.replace(cuts[cut].sampling(place), error_db=found_db)
-        # What fails with wider guards and finer sampling fails with less of both.
-        failed[cut, :i + 1, :j + 1] = True
-    return None
+        cuts.append(_Cut(pulses, 0.5 * (lo + hi), half_m, max(half, 1e-9), power))
+    return cuts
 
 
-def _by_cost(cuts: list[_Cut], first_stage: SubapertureCost) -> Iterator[tuple[int, int]]:
-    """Cuts and their choices from the quickest on; beams are planned for few of the cuts."""
-    queue = [(cut.least_cost(first_stage), number, -1) for number, cut in enumerate(cuts)]
-    heapq.heapify(queue)
-    while queue:
-        _, number, place = heapq.heappop(queue)
-        if place >= 0:
-            yield number, place
-            continue
-        for place, cost in enumerate(cuts[number].costs(first_stage).tolist()):
-            heapq.heappush(queue, (cost, number, place))
+def _cost(cut: _Cut, polar: PolarGrid, ratio, first_stage: SubapertureCost,
+          flattest: float) -> np.ndarray:
+    """Nanoseconds with each oversampling and guard; inf where tapers are too steep."""
+    oversampling, n_guard = np.array(_OVERSAMPLING)[:, None], np.array(_GUARDS)
+    wanted = polar.n_alpha * polar.alpha_spacing
+    spacing = np.minimum(math.pi / (cut.half * oversampling), wanted)
+    n_coarse = wanted / spacing + 2 * n_guard + 1
+    n_range = polar.n_range + 2 * np.maximum(
+        usual_guard(polar.n_range), n_guard * spacing * cut.furthest_m / polar.range_spacing_m)
+    n = len(cut.pulses)
+    n_pixels = n_coarse * n_range * (ratio[0] / ratio[1])
+    found = costs().nanoseconds({
+        'subaperture': n, 'coarse_pixel': n * n_pixels,
+        'fine_pixel': n_coarse * spacing / polar.alpha_spacing * n_range})
+    found = found + first_stage.cost(cut.pulses, cut.half_m, n_pixels)
+    # what rounding may add to guards
+    useful = taper_shape(1.1 * n_guard + 2, 1.1 * oversampling) >= flattest
+    return np.where(useful, found, np.inf)
 
 
 def _sizes(polar, ratio, furthest, half, oversampling, n_guard) -> FusionSizes:
@@ -416,14 +417,15 @@ def _sizes(polar, ratio, furthest, half, oversampling, n_guard) -> FusionSizes:
     extent = n_fine * polar.alpha_spacing
     spacing = extent / n_coarse
     # what rounding to fast lengths leaves over widens the guards
-    guard = math.floor(32 * (n_coarse - wanted / spacing)) / 64
+    # in steps, as the shape of the taper: tables of errors are kept
+    guard = math.floor(4 * (n_coarse - wanted / spacing)) / 8
     least = max(_LEAST_RANGE_GUARD,
                 math.ceil(n_guard * spacing * furthest / polar.range_spacing_m))
     range_guard = max(least, min(usual_guard(polar.n_range),
                                  ranges_before(polar, (extent - wanted) / 2 + spacing)))
     n_range = row_length(math.ceil((polar.n_range + 2 * range_guard) / ratio[1]), ratio)
-    return FusionSizes(polar, n_coarse, n_fine, guard,
-                       taper_shape(guard, math.pi / (half * spacing)), ratio[0] * n_range,
+    beta = math.floor(8 * taper_shape(guard, math.pi / (half * spacing))) / 8
+    return FusionSizes(polar, n_coarse, n_fine, guard, beta, ratio[0] * n_range,
                        ratio[1] * n_range)
 
 
@@ -435,7 +437,7 @@ def _on_plane(sizes: FusionSizes) -> bool:
     return sizes.fine_range_guard < ranges_before(polar, beyond)
 
 
-def _echoes_for_error(s: Sampling, bands: LocalSpectrum, n_channels: int
+def _echoes_for_error(s: _Cut, bands: LocalSpectrum, n_channels: int
                       ) -> tuple[np.ndarray, ...]:
     """Some echoes, powers of each, (W, R), and the middle of its sub-aperture's band, metres.
 
@@ -458,12 +460,10 @@ def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centr
     """Mean squared error of fusing some echoes, relative to their power.
 
     It is 2 or more, as if nothing fitted, where a frequency lies beyond the coarse grid's. Of
-    `bands` it looks at some `echoes`, (R,) int64 or a slice; `weight` and `centre_m`, (R,) or (),
-    are the share of each and the middle of the slopes of its sub-aperture, metres. Of W cases of
-    weights, (W, R), it is that of the worst.
+    `bands` it looks at some `echoes`, (R,) int64 or a slice; `weight`, (W, R), and `centre_m`,
+    (R,) or (), are the share of each, of W cases of which the worst counts, and the middle of the
+    slopes of its sub-aperture, metres.
     """
-    if np.ndim(weight) == 2:
-        return max(fusion_error(sampling, bands, echoes, some, centre_m) for some in weight)
     s, coverage = sampling.sizes, sampling.coverage
     guard = s.n_guard / (s.n_coarse - 2 * s.n_guard)
     slope = _to_guards(bands.slope[echoes], guard)
@@ -474,13 +474,8 @@ def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centr
     even, per_radian = bins * slope - np.rint(bins * np.reshape(centre_m, (-1, 1))), (
         s.extent / (2 * math.pi))
     frequency = spread_frequencies(even, bands.spread.rms * per_radian)
-    weight = np.broadcast_to(np.reshape(weight, (-1, 1)), (len(slope), 1))
-    error = aliasing_error(s.n_coarse, s.n_guard, s.beta, frequency, weight, bands.position,
-                           coverage.along_alpha)
-    # What amplitudes have beyond the coarse grid's frequencies is missing, and appears elsewhere.
-    error += tail_error(bands.spread, even / per_radian,
-                        lambda f: 2.0 * (np.abs(f) > s.n_coarse / 2 / per_radian), echoes)
-    error += correction_error(coverage, s.n_fine, s.n_guard * s.n_fine / s.n_coarse, s.beta)
+    by_echo = aliasing_error(s.n_coarse, s.n_guard, s.beta, frequency, bands.position,
+                             coverage.along_alpha).mean(axis=0)
     # Along range the same happens over a length that grows with the distance from the centre.
     away = np.broadcast_to(np.abs(np.ravel(centre_m)), len(slope))
     furthest = max(float(np.abs(sampling.centre).max()), float(away.max()), 1e-9)
@@ -494,9 +489,14 @@ def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centr
         if n_guard > _WIDE_GUARD * s.n_guard:
             continue
         n = int(s.polar.n_range / shift + 2 * n_guard) + 2
-        error += (weight[some].sum() / weight.sum()) * aliasing_error(
-            n, n_guard, s.beta, frequency[:, some] * (n / s.n_coarse), weight[some],
-            density=coverage.along_range)
+        by_echo[some] += aliasing_error(
+            n, n_guard, s.beta, frequency[:, some] * (n / s.n_coarse),
+            density=coverage.along_range).mean()
+    error = float((weight @ by_echo / weight.sum(axis=1)).max())
+    # What amplitudes have beyond the coarse grid's frequencies is missing, and appears elsewhere.
+    error += tail_error(bands.spread, even / per_radian,
+                        lambda f: 2.0 * (np.abs(f) > s.n_coarse / 2 / per_radian), echoes)
+    error += correction_error(coverage, s.n_fine, s.n_guard * s.n_fine / s.n_coarse, s.beta)
     return error * (1 + _CHANCE / math.sqrt(2 * sampling.n_even))
 
 
@@ -509,6 +509,7 @@ def _to_guards(slope, share: float) -> np.ndarray:
 
 
 _CUTS_FOR_BEAMS = 5  # sub-apertures whose geometry is looked at
+_USUAL = 1.2  # times the least cost of beams (measured: 1.05 to 1.4)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -526,6 +527,8 @@ class SubapertureCost:
         Wanted error of the images, dB.
     reach_m, padding_m : float
         As for `plan_beams`.
+    bent_m : float
+        Half the widest range of slopes from which on there are no beams, metres.
     n_weighed : callable, optional
         As of `BeamSampling`, of sub-apertures with some pulses; None where images from beams
         cannot be weighed well enough.
@@ -540,43 +543,42 @@ class SubapertureCost:
     target_db: float
     reach_m: float
     padding_m: float
+    bent_m: float
     n_weighed: Callable[[Sequence[slice]], int | None] = lambda pulses: 0
 
     def cost(self, pulses, half_m: float, n_pixels) -> np.ndarray:
-        """(K,) nanoseconds of all images of a cut into sub-apertures of about equally many pulses.
+        """About the nanoseconds of all images of a cut into sub-apertures.
 
-        `pulses` are their slices, `n_pixels`, (K,), the pixels of each image, `half_m` half the
+        `pulses` are their slices, `n_pixels`, (...), the pixels of each image, `half_m` half the
         widest range of slopes by direction, metres.
         """
         length = pulses[0].stop - pulses[0].start
-        beams = None if self._bends(half_m) else self._beams(pulses)
-        return len(pulses) * np.minimum(*self._costs(beams, length, n_pixels))
+        return len(pulses) * np.minimum(*self._about(length, half_m, n_pixels))
 
-    def _bends(self, half_m: float) -> bool:
-        """Whether paths of slopes so unlike surely depend on range too much for beams."""
-        return surely_bend(self.grid, half_m, self.radar, self.target_db)
+    def expects_beams(self, pulses, half_m: float) -> bool:
+        """Whether images from beams seem to be the quicker ones."""
+        direct, from_beams = self._about(pulses[0].stop - pulses[0].start, half_m,
+                                         self.grid.n_alpha * self.grid.n_range)
+        return bool(from_beams < direct)
 
-    def least_cost(self, pulses, half_m: float, n_pixels) -> np.ndarray:
-        """What `cost` is not below, whatever the beams; found much more quickly."""
-        n_echoes = (pulses[0].stop - pulses[0].start) * self.tx_m.shape[1]
-        from_beams = math.inf if self._bends(half_m) else costs().nanoseconds(least_operations(
-            n_echoes, self.lattice, n_pixels,
-            self.span * half_m * self.radar.wavenumbers_rad_per_m[1] / math.pi))
-        return len(pulses) * np.minimum(n_echoes * self.lattice.cost * n_pixels, from_beams)
+    def _about(self, length: int, half_m: float, n_pixels):
+        """Nanoseconds of an image: directly, and about that from beams."""
+        n_echoes = length * self.tx_m.shape[1]
+        from_beams = math.inf if half_m >= self.bent_m else _USUAL * costs().nanoseconds(
+            least_operations(n_echoes, self.lattice, n_pixels, self.span * half_m
+                             * self.radar.wavenumbers_rad_per_m[1] / math.pi))
+        return n_echoes * self.lattice.cost * n_pixels, from_beams
 
     def choose_beams(self, pulses) -> BeamSampling | None:
         """Beams for images on `grid`; None where adding each pulse directly is quicker."""
         beams = self._beams(pulses)
-        direct, from_beams = self._costs(beams, max(p.stop - p.start for p in pulses),
-                                         self.grid.n_alpha * self.grid.n_range)
-        return beams if from_beams < direct else None
-
-    def _costs(self, beams, length, n_pixels):
-        """Nanoseconds of an image: directly, and from beams."""
-        n_echoes = length * self.tx_m.shape[1]
-        from_beams = math.inf if beams is None else costs().nanoseconds(
-            beams.operations(n_echoes, self.lattice, n_pixels, self.span))
-        return n_echoes * self.lattice.cost * n_pixels, from_beams
+        if beams is None:
+            return None
+        n_echoes = max(p.stop - p.start for p in pulses) * self.tx_m.shape[1]
+        n_pixels = self.grid.n_alpha * self.grid.n_range
+        from_beams = costs().nanoseconds(beams.operations(n_echoes, self.lattice, n_pixels,
+                                                          self.span))
+        return beams if from_beams < n_echoes * self.lattice.cost * n_pixels else None
 
     def _beams(self, pulses) -> BeamSampling | None:
         n_weighed = self.n_weighed(pulses)
@@ -830,19 +832,41 @@ class _Planner:
                                self.coverage.wanted_ranges)
         lit = self.illumination and LitError(polar, radar, tx_m, rx_m, self.illumination,
                                              self.target_db)
-        sampling = self._sampling(bands, paths, length, ratio, lit)
-        grid = UnifiedPolarGrids(
-            *vars(sampling.sizes).values(), bands.half_range, radar.carrier_hz,
-            *(oversampling or (1.0, 1.0)), radar.propagation_speed_m_per_s)
-        range_m = _bounds(grid.coarse, tx_m, rx_m)
-        source = self.band or RangeGate.around(radar, self.n_samples, range_m, _PADDING)
-        # echoes of one sub-aperture share phases, never those of two
-        first = {p.start * tx_m.shape[1] // step for p in sampling.pulses}
-        lattice = self._lattice(
-            dataclasses.replace(paths, parts=tuple(sorted(first))), grid.coarse.range_spacing_m,
-            source.n_samples + (0 if source.periodic else _PADDING),
-            remaining_db(self.target_db, sampling.error_db))
-        beams = self._cost(grid.coarse, lattice, range_m, lit).choose_beams(sampling.pulses)
+        ratio = self._ratio(bands, ratio)
+        usual = dataclasses.replace(polar, n_range=polar.n_range * ratio[0] // ratio[1],
+                                    range_spacing_m=polar.range_spacing_m * ratio[1] / ratio[0])
+        lattice = cover.lattice if cover and cover.ratio == ratio else self._lattice(
+            paths, usual.range_spacing_m, self.n_samples)
+        first_stage = self._cost(usual, lattice, bands.range_m, lit)
+        lengths, left_db = (length,) if length else LENGTHS, self.target_db - _MARGIN_DB
+        if lit is not None:
+            left_db = remaining_db(left_db, lit.budget_db)
+        search = SamplingSearch(polar, bands, tx_m, rx_m, lengths,
+                                remaining_db(left_db, self._lattice_db), self.coverage, ratio)
+        while True:
+            sampling = search.quickest(first_stage)
+            if sampling is None:
+                raise ValueError(
+                    f'no sub-apertures of {", ".join(map(str, lengths))} pulses reach '
+                    f'target_db={self.target_db:g} on this polar grid; ask for less, image a '
+                    'smaller scene, or use exact backprojection')
+            grid = UnifiedPolarGrids(
+                *vars(sampling.sizes).values(), bands.half_range, radar.carrier_hz,
+                *(oversampling or (1.0, 1.0)), radar.propagation_speed_m_per_s)
+            range_m = _bounds(grid.coarse, tx_m, rx_m)
+            source = self.band or RangeGate.around(radar, self.n_samples, range_m, _PADDING)
+            # echoes of one sub-aperture share phases, never those of two
+            first = {p.start * tx_m.shape[1] // step for p in sampling.pulses}
+            lattice = self._lattice(
+                dataclasses.replace(paths, parts=tuple(sorted(first))),
+                grid.coarse.range_spacing_m, source.n_samples + (
+                    0 if source.periodic else _PADDING),
+                remaining_db(self.target_db, sampling.error_db))
+            beams = self._cost(grid.coarse, lattice, range_m, lit).choose_beams(sampling.pulses)
+            if beams or not first_stage.expects_beams(sampling.pulses, sampling.half_m):
+                break
+            # their paths bend too much for beams: shorter ones, or directly
+            first_stage = dataclasses.replace(first_stage, bent_m=sampling.half_m)
         warnings = [*self._cut_warnings(paths.of_illuminated(paths.length),
                                         grid.fine_range_guard * polar.range_spacing_m)]
         if lit is not None:
@@ -854,41 +878,28 @@ class _Planner:
     def _lattice_db(self) -> float:
         return min(error_budget(self.target_db, AFBP_SHARES)['sub-aperture images'], -50.0)
 
-    def _sampling(self, bands, paths, length, ratio, lit) -> Sampling:
+    def _ratio(self, bands, ratio) -> tuple[int, int]:
+        """Ranges of a sub-aperture image to those of the fused one."""
         polar = self.polar
         share = used_share(bands.half_range, polar.range_spacing_m, polar.n_range,
                            tapers=TAPERS_NEEDED)
         if ratio[0] / ratio[1] < share:
             ratio = 1, 1
-        usual = dataclasses.replace(polar, n_range=polar.n_range * ratio[0] // ratio[1],
-                                    range_spacing_m=polar.range_spacing_m * ratio[1] / ratio[0])
-        lattice = self._lattice(paths, usual.range_spacing_m, self.n_samples)
-        filled = bands.half_range * usual.range_spacing_m / math.pi
+        filled = (bands.half_range * polar.range_spacing_m * ratio[1] / ratio[0]) / math.pi
         if filled > _MOST_FILLED:
             raise ValueError(
                 f'the sub-aperture images fill {filled:.0%} of what the ranges of the polar grid '
                 f'hold, at most {_MOST_FILLED:.0%} can be fused: the elevation changes too much '
                 'over this aperture; use exact backprojection')
-        lengths, left_db = (length,) if length else LENGTHS, self.target_db - _MARGIN_DB
-        if lit is not None:
-            left_db = remaining_db(left_db, lit.budget_db)
-        sampling = choose_sampling(polar, bands, self.tx_m, self.rx_m, lengths,
-                                   self._cost(usual, lattice, bands.range_m, lit),
-                                   remaining_db(left_db, self._lattice_db),
-                                   self.coverage, ratio)
-        if sampling is None:
-            raise ValueError(
-                f'no sub-apertures of {", ".join(map(str, lengths))} pulses reach '
-                f'target_db={self.target_db:g} on this polar grid; ask for less, image a smaller '
-                'scene, or use exact backprojection')
-        return sampling
+        return ratio
 
     def _cost(self, grid, lattice, range_m, lit) -> SubapertureCost:
         padding_m = math.inf if self.band else _PADDING * self.radar.sample_spacing_m
-        return SubapertureCost(grid, self.polar.n_alpha * self.polar.alpha_spacing, self.radar,
-                               lattice, self.tx_m, self.rx_m, self._lattice_db,
-                               range_m[1] - range_m[0], padding_m,
-                               *([] if lit is None else [lit.n_weighed]))
+        return SubapertureCost(
+            grid, self.polar.n_alpha * self.polar.alpha_spacing, self.radar, lattice, self.tx_m,
+            self.rx_m, self._lattice_db, range_m[1] - range_m[0], padding_m,
+            least_bending_slope(grid, self.radar, self._lattice_db),
+            *([] if lit is None else [lit.n_weighed]))
 
     def _lattice(self, paths, spacing, n_samples, *more_db) -> RangeResampling:
         """Lattice with the usual error, or where there is none, with one of `more_db`."""
