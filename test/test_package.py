@@ -348,6 +348,6 @@ def test_functions_take_few_arguments():
                     many[node.name] = max(many.get(node.name, 0), len(given))
     # those that were hardest to follow (form_beams took 27) are still there to be counted
     assert many.keys() > {'form_beams', 'echo_phasors', 'plan_beams', 'shared_errors', '_resample',
-                          'choose_sampling', 'aliasing_error', '_whole', '_band', 'plan',
+                          'fusion_error', 'aliasing_error', '_whole', '_band', 'plan',
                           'overwriting_rounds', '_expansion_errors', '_commensurate'}
     assert {name for name, n in many.items() if n >= 12} == {'plan_image'}

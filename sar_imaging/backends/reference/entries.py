@@ -103,7 +103,7 @@ class SubapertureImager:
     ...                          target_db=polar_db, cover=cover, pulses_per_subaperture=20)
     >>> image = SubapertureImager(plan).image(0, block.select(plan.sampling.pulses[0]))
     >>> print(f'{np.hypot(*image).max():.0f} of 20 pulses and 5 channels')
-    92 of 20 pulses and 5 channels
+    94 of 20 pulses and 5 channels
     """
 
     def __init__(self, plan: SubaperturePlan):

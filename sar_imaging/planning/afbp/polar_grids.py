@@ -215,7 +215,7 @@ class UnifiedPolarGrids(FusionSizes):
 _COVERAGE_SAMPLES, _COVERAGE_BINS = 96, 64
 _MIXED_LINES = 4  # on either side
 _WAVENUMBERS = 3  # of the band
-_ECHOES = 128
+_ECHOES = 256
 
 
 def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,

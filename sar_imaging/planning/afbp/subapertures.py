@@ -220,7 +220,7 @@ _NEARER = (0.7, 0.9)  # shares of the furthest distance from the centre, which a
 # images of few scatterers.
 _CHANCE = 1.2
 # At which errors are looked up: echoes of each sub-aperture, of all, and wavenumbers of each echo
-_ECHOES_EACH, _ECHOES_FOR_ERROR, _WAVENUMBERS = 16, 128, 6
+_ECHOES_EACH, _ECHOES_FOR_ERROR, _WAVENUMBERS = 48, 192, 6
 
 
 def pieces_between_gaps(middles) -> list[tuple[int, int]]:
@@ -344,13 +344,13 @@ class SamplingSearch:
 
         `first_stage` tells the time of all sub-aperture images.
         """
-        cost = np.stack([_cost(cut, self._polar, self._ratio, first_stage, flattest)
-                         for cut, flattest in zip(self._cuts, self._flattest, strict=True)])
-        order = np.argsort(cost, axis=None, kind='stable')[:np.isfinite(cost).sum()]
-        for place in zip(*np.unravel_index(order, cost.shape), strict=True):
-            if (found := self._sampling(*place)) is not None:
-                return found
-        return None
+        cost = _cost(self._cuts, self._polar, self._ratio, first_stage)
+        # with what rounding may add to guards
+        shape = taper_shape(1.1 * np.array(_GUARDS) + 2, 1.1 * np.array(_OVERSAMPLING)[:, None])
+        useful = np.flatnonzero(shape >= self._flattest[:, None, None])
+        order = useful[np.argsort(cost.ravel()[useful], kind='stable')]
+        places = zip(*np.unravel_index(order, cost.shape), strict=True)
+        return next(filter(None, (self._sampling(*place) for place in places)), None)
 
     @functools.cache  # noqa: B019 lives as long as the search
     def _sampling(self, cut: int, oversampling: int, guard: int) -> Sampling | None:
@@ -387,24 +387,21 @@ def _cuts(bands: LocalSpectrum, tx_m, rx_m, lengths) -> list[_Cut]:
     return cuts
 
 
-def _cost(cut: _Cut, polar: PolarGrid, ratio, first_stage: SubapertureCost,
-          flattest: float) -> np.ndarray:
-    """Nanoseconds with each oversampling and guard; inf where tapers are too steep."""
+def _cost(cuts: list[_Cut], polar: PolarGrid, ratio, first_stage: SubapertureCost) -> np.ndarray:
+    """About the nanoseconds of cuts with each oversampling and guard, (L, O, G)."""
+    n, length, half, half_m, furthest_m = np.array([
+        (len(c.pulses), c.pulses[0].stop - c.pulses[0].start, c.half, c.half_m, c.furthest_m)
+        for c in cuts]).T[:, :, None, None]
     oversampling, n_guard = np.array(_OVERSAMPLING)[:, None], np.array(_GUARDS)
     wanted = polar.n_alpha * polar.alpha_spacing
-    spacing = np.minimum(math.pi / (cut.half * oversampling), wanted)
+    spacing = np.minimum(math.pi / (half * oversampling), wanted)
     n_coarse = wanted / spacing + 2 * n_guard + 1
     n_range = polar.n_range + 2 * np.maximum(
-        usual_guard(polar.n_range), n_guard * spacing * cut.furthest_m / polar.range_spacing_m)
-    n = len(cut.pulses)
+        usual_guard(polar.n_range), n_guard * spacing * furthest_m / polar.range_spacing_m)
     n_pixels = n_coarse * n_range * (ratio[0] / ratio[1])
-    found = costs().nanoseconds({
+    return n * np.minimum(*first_stage.about(length, half_m, n_pixels)) + costs().nanoseconds({
         'subaperture': n, 'coarse_pixel': n * n_pixels,
         'fine_pixel': n_coarse * spacing / polar.alpha_spacing * n_range})
-    found = found + first_stage.cost(cut.pulses, cut.half_m, n_pixels)
-    # what rounding may add to guards
-    useful = taper_shape(1.1 * n_guard + 2, 1.1 * oversampling) >= flattest
-    return np.where(useful, found, np.inf)
 
 
 def _sizes(polar, ratio, furthest, half, oversampling, n_guard) -> FusionSizes:
@@ -546,28 +543,24 @@ class SubapertureCost:
     bent_m: float
     n_weighed: Callable[[Sequence[slice]], int | None] = lambda pulses: 0
 
-    def cost(self, pulses, half_m: float, n_pixels) -> np.ndarray:
-        """About the nanoseconds of all images of a cut into sub-apertures.
-
-        `pulses` are their slices, `n_pixels`, (...), the pixels of each image, `half_m` half the
-        widest range of slopes by direction, metres.
-        """
-        length = pulses[0].stop - pulses[0].start
-        return len(pulses) * np.minimum(*self._about(length, half_m, n_pixels))
-
     def expects_beams(self, pulses, half_m: float) -> bool:
         """Whether images from beams seem to be the quicker ones."""
-        direct, from_beams = self._about(pulses[0].stop - pulses[0].start, half_m,
-                                         self.grid.n_alpha * self.grid.n_range)
+        direct, from_beams = self.about(pulses[0].stop - pulses[0].start, half_m,
+                                        self.grid.n_alpha * self.grid.n_range)
         return bool(from_beams < direct)
 
-    def _about(self, length: int, half_m: float, n_pixels):
-        """Nanoseconds of an image: directly, and about that from beams."""
+    def about(self, length, half_m, n_pixels) -> tuple[np.ndarray, np.ndarray]:
+        """Nanoseconds of an image: directly, and about that from beams.
+
+        `length` are its pulses, `half_m` half the range of slopes by direction, metres, and
+        `n_pixels` its pixels: arrays that are broadcast together.
+        """
         n_echoes = length * self.tx_m.shape[1]
-        from_beams = math.inf if half_m >= self.bent_m else _USUAL * costs().nanoseconds(
-            least_operations(n_echoes, self.lattice, n_pixels, self.span * half_m
-                             * self.radar.wavenumbers_rad_per_m[1] / math.pi))
-        return n_echoes * self.lattice.cost * n_pixels, from_beams
+        from_beams = _USUAL * costs().nanoseconds(least_operations(
+            n_echoes, self.lattice, n_pixels,
+            self.span * half_m * self.radar.wavenumbers_rad_per_m[1] / math.pi))
+        return (n_echoes * self.lattice.cost * n_pixels,
+                np.where(half_m >= self.bent_m, math.inf, from_beams))
 
     def choose_beams(self, pulses) -> BeamSampling | None:
         """Beams for images on `grid`; None where adding each pulse directly is quicker."""
@@ -839,7 +832,7 @@ class _Planner:
             paths, usual.range_spacing_m, self.n_samples)
         first_stage = self._cost(usual, lattice, bands.range_m, lit)
         lengths, left_db = (length,) if length else LENGTHS, self.target_db - _MARGIN_DB
-        if lit is not None:
+        if bands.spread.rms > 0:  # amplitudes differ
             left_db = remaining_db(left_db, lit.budget_db)
         search = SamplingSearch(polar, bands, tx_m, rx_m, lengths,
                                 remaining_db(left_db, self._lattice_db), self.coverage, ratio)
