@@ -338,6 +338,7 @@ class SamplingSearch:
         self._flattest = np.full(len(self._cuts), (_FLAT_DB - target_db) / _FALL_DB)
         self._echoes = functools.cache(lambda cut: _echoes_for_error(
             self._cuts[cut], bands, tx_m.shape[1]))
+        self._sampling = functools.cache(self._try)  # it lives as long as the search
 
     def quickest(self, first_stage: SubapertureCost) -> Sampling | None:
         """The quickest one; None where the target cannot be met.
@@ -352,8 +353,7 @@ class SamplingSearch:
         places = zip(*np.unravel_index(order, cost.shape), strict=True)
         return next(filter(None, (self._sampling(*place) for place in places)), None)
 
-    @functools.cache  # noqa: B019 lives as long as the search
-    def _sampling(self, cut: int, oversampling: int, guard: int) -> Sampling | None:
+    def _try(self, cut: int, oversampling: int, guard: int) -> Sampling | None:
         """One of them, None where it misses the target."""
         one, polar = self._cuts[cut], self._polar
         sizes = _sizes(polar, self._ratio, one.furthest_m, one.half, _OVERSAMPLING[oversampling],
