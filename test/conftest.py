@@ -1,6 +1,7 @@
 """Settings of all tests; recordings of bags/ with exact images; profiles of random scatterers."""
 
 import dataclasses
+import gc
 import os
 import signal
 from pathlib import Path
@@ -37,6 +38,9 @@ os.environ.setdefault('OMP_WAIT_POLICY', 'passive')
 
 compile_once()
 
+# Of what is collected nothing becomes garbage: Python need not look through it, now or later.
+gc.disable()
+
 # The files that compile the largest kernels, and between them some that need none: of processes
 # that begin side by side with files that need the same kernels one compiles and the others wait.
 # Then those of a minute or so: one that begins last would be waited for alone.
@@ -50,6 +54,16 @@ FIRST = ('backends/test_lit_kernels.py', 'backends/test_beams.py', 'archive/test
 def pytest_collection_modifyitems(items):
     places = {Path(__file__).parent / name: place for place, name in enumerate(FIRST)}
     items.sort(key=lambda item: places.get(item.path, len(FIRST)))
+
+
+def pytest_collection_finish():
+    gc.freeze()
+    gc.enable()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes():
+    gc.enable()  # this process collects nothing
 
 
 def chirp_band_spectrum(raw):
