@@ -24,7 +24,8 @@ arguments = dict(
     packages=find_packages(include=['sar_imaging', 'sar_imaging.*',
                                     'msg_conversions', 'msg_conversions.*']),
     # Twice on purpose: inside the package for importlib.resources, in share for ROS tools.
-    package_data={'sar_imaging': ['config/*.*', 'config/recordings/*', 'launch/*', 'resource/*']},
+    package_data={'sar_imaging': ['config/*.*', 'config/recordings/*', 'launch/*', 'resource/*',
+                                  'planning/*.json']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['sar_imaging/resource/sar_imaging']),
         ('share/sar_imaging', ['package.xml']),

@@ -30,6 +30,7 @@ _logger = logging.getLogger(__name__)
 _BYTES = 8  # of a complex sample
 _TRIALS, _TRIAL_PIXELS = 100, 2048  # of a search, about
 DEVICE_ARRAYS = True  # are taken where a device computes, and where it fails
+GROUPS = False  # of echoes: plans are for either
 
 
 def __getattr__(name):

@@ -19,7 +19,9 @@ from ..geometry.illumination import AntennaPattern, Illumination, PatternCut, Po
 from ..planning.afbp.beams import plan_beams
 from ..planning.afbp.polar_grids import cover_for_fusion
 from ..planning.afbp.subapertures import plan_subapertures
+from ..planning.costs import costs, using
 from ..planning.exact.backprojection import plan_backprojection
+from ..planning.exact.groups import plan_groups
 from ..planning.exact.points import ImagePoints
 from ..planning.exact.polar_image import plan_polar
 from ..planning.plan import total_db
@@ -273,6 +275,8 @@ def _check_exact(made, route: str, **options) -> str:
     """Images of one route against correlation, at two targets."""
     if route == 'illuminated' and not getattr(made, 'ILLUMINATION', False):
         return 'not offered: ILLUMINATION is not true'
+    if route == 'groups' and not getattr(made, 'GROUPS', False):
+        return 'not offered: GROUPS is not true'
     scene = make_scene(**options)
     grid, block, echoes = scene.grid, scene.block, scene.echoes
     x, y, z = grid.centre_m
@@ -298,6 +302,10 @@ def _check_exact(made, route: str, **options) -> str:
         if route in ('polar', 'parts'):  # a route for larger images than these
             plan = dataclasses.replace(plan, route=plan_polar(
                 grid, *echoes[1:], block.radar, block.n_samples, target_db))
+        elif route == 'groups':
+            with using(dataclasses.replace(costs(), point_pixel=1e6)):
+                plan = dataclasses.replace(plan, route=plan_groups(
+                    grid, block.radar, block.n_samples, *echoes[1:], plan.range_m, target_db))
         image = np.zeros(grid.shape, np.complex64)
         made.Backprojection(plan).add(*echoes, image)
         if not (image[~known] == 0).all():
@@ -452,6 +460,8 @@ BACKEND_CHECKS: Mapping[str, Callable[[protocol.Backend], str]] = {
     'exact map from a polar image': _exact(route='polar', range_m=1000.0, bend_m=3.0),
     'exact map from polar images of parts': _exact(
         route='parts', range_m=400.0, pulses=200, aperture_m=60.0),
+    'exact map from groups of echoes': _exact(
+        route='groups', range_m=30.0, pulses=100, aperture_m=3.0, bend_m=0.3, n=40, apart_m=2.0),
     'exact map under a pattern': _exact(route='illuminated', range_m=1000.0),
     'AFBP': _afbp(route='directly', range_m=1000.0, height_m=300.0),
     'AFBP of phase histories': _afbp(route='directly', range_m=3000.0, history=True),

@@ -63,7 +63,8 @@ class Exact(Method):
             return self.describe()
         try:
             plan = plan_backprojection(self._pixels, self.radar, self.n_samples, _echoes(tx_m),
-                                       _echoes(rx_m), self.options.target_db, self.illumination)
+                                       _echoes(rx_m), self.options.target_db, self.illumination,
+                                       groups=backends.computes_groups(self._backend))
         except OutOfReach:
             if self.illumination is None:
                 raise

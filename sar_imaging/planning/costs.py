@@ -37,6 +37,14 @@ class CostModel:
         More with illumination: of an image from beams, and of a knot of its amplitudes.
     coarse_pixel, fine_pixel, subaperture : float
         Fusion: of a pixel of a sub-aperture image, of the fused image, and of a sub-aperture.
+    part_coefficient, part_segment : float
+        Groups of echoes: along lines of their parts, of a coefficient of a pixel's profile, and in
+        addition of a segment and echo.
+    summed_tap : float
+        Sums of the parts of a group: of a line that a pixel is made of.
+    grouped_pixel, grouped_tap, group : float
+        The way of a group to the map: of a pixel, of a line that a range of a row is made of, and
+        in addition of a group.
     merged_pixel, merged_tap, gathered_pixel, gathered_tap : float
         FFBP: of a pixel and part, of a neighbour along either axis; and of those looked up singly.
     profile_bin, profile_cell : float
@@ -62,6 +70,12 @@ class CostModel:
     coarse_pixel: float = 1.75
     fine_pixel: float = 2.0
     subaperture: float = 2.5e5
+    part_coefficient: float = 0.03
+    part_segment: float = 10.5
+    summed_tap: float = 0.042
+    grouped_pixel: float = 2.1
+    grouped_tap: float = 0.18
+    group: float = 6e4
     merged_pixel: float = 0.8
     merged_tap: float = 0.25
     gathered_pixel: float = 6.5

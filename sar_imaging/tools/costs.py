@@ -30,6 +30,7 @@ from ..planning.afbp.lit_subapertures import LitSubapertures
 from ..planning.afbp.plan import AfbpPlan, plan_afbp
 from ..planning.costs import DEFAULT, CostModel, using
 from ..planning.exact.backprojection import BackprojectionPlan, plan_backprojection
+from ..planning.exact.groups import plan_groups
 from ..planning.exact.polar_image import plan_polar
 from ..planning.lit_pairs import LEAST_DB
 from ..signal.pulses import PulseBlock
@@ -94,6 +95,9 @@ class TimedMaps:
     ----------
     lines, points, polar : tuple of TimedMap
         Lines, points and polar grid of exact images.
+    groups : tuple of (TimedMap, ((int, int), ...))
+        Images from groups of echoes, with numbers of these and of their parts; empty where that is
+        not offered.
     afbp : tuple of (TimedMap, int)
         And the lengths of their sub-apertures.
     ffbp : tuple of TimedMap
@@ -108,6 +112,7 @@ class TimedMaps:
     points: tuple[TimedMap, ...]
     polar: tuple[TimedMap, ...]
     afbp: tuple[tuple[TimedMap, int], ...]
+    groups: tuple[tuple[TimedMap, tuple[tuple[int, int], ...]], ...] = ()
     ffbp: tuple[TimedMap, ...] = ()
     transfers: tuple[int, ...] = ()
     varied: bool = True
@@ -121,6 +126,10 @@ PROCESSOR = TimedMaps(
     polar=(TimedMap(1e3, 384, 384, 192), TimedMap(1e3, 96, 96, 192)),
     afbp=((TimedMap(1e3, 64, 1024, 1024, n_channels=4), 96), (TimedMap(1e3, 1024, 1024, 1024), 24),
           (TimedMap(3e3, 2048, 2048, 2048), 128)),
+    groups=((TimedMap(400, 256, 256, 192), ((4, 1), (4, 12), (8, 4))),
+            (TimedMap(400, 40, 512, 24), ((1, 1), (2, 1))),
+            (TimedMap(400, 512, 40, 24), ((1, 1), (2, 1))),
+            (TimedMap(400, 32, 32, 48), ((4, 2), (16, 1)))),
     ffbp=(TimedMap(1e3, 256, 256, 512), TimedMap(1e3, 768, 768, 32)))
 #: Enough work that a device is busy: images of 1 to 100 ms.
 DEVICE = TimedMaps(
@@ -176,6 +185,7 @@ class _Experiments:
         yield from self._along_lines()
         yield from self._onto_points()
         yield from self._by_polar_images()
+        yield from self._by_groups()
         yield from self._by_afbp()
         yield from self._by_ffbp()
         yield from self._transfers()
@@ -232,6 +242,21 @@ class _Experiments:
                 n_parts = 1 if route.parts is None else len(route.parts.echoes)
                 yield self._exact(f'polar image in {n_parts}',
                                   dataclasses.replace(plan, route=route), block)
+
+    def _by_groups(self) -> Iterator[Experiment]:
+        """With few parts and many, of few groups and many, and segments of lines shortened."""
+        for scene, numbers in self._scenes.groups:
+            plan, block = _planned(scene)
+            where = scene.grid, block.radar, block.n_samples, plan.tx_m, plan.rx_m, plan.range_m
+            for some in numbers:
+                for target_db in (-80.0, -45.0):
+                    route = plan_groups(*where, target_db, some)
+                    found = dataclasses.replace(plan, route=route)
+                    yield self._exact(f'{some[0]} groups of {some[1]} parts', found, block)
+            lattice = dataclasses.replace(route.lattice, segment=16)
+            short = dataclasses.replace(route.maps[0], lattice=lattice)
+            yield self._exact('groups of short segments', dataclasses.replace(
+                plan, route=dataclasses.replace(route, maps=(short,))), block)
 
     def _by_afbp(self) -> Iterator[Experiment]:
         """Sub-apertures from beams, of few rows and many, long profiles and short; the map."""

@@ -24,7 +24,8 @@ def test_backends_do_what_plans_say(name, title):
         pytest.skip('there is no CUDA device; the simulator runs its kernels in test_cuda_*.py')
     told = BACKEND_CHECKS[title](backend(name))
     assert ('not offered' in told) == (name is OWN and title in (
-        'exact map under a pattern', 'AFBP under a pattern', 'correlation', 'trial images'))
+        'exact map from groups of echoes', 'exact map under a pattern', 'AFBP under a pattern',
+        'correlation', 'trial images'))
 
 
 class Asked(Exception):

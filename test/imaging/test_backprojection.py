@@ -76,20 +76,20 @@ def test_target_is_met_and_predicted(make_case, target_db):
     ({'range_m': 100.0, 'spacing_m': 0.1}, -80.0),
     ({'range_m': 5e4}, -60.0),
 ], ids=str)
-def test_polar_way_meets_the_target(make_case, options, target_db):
+def test_groups_meet_the_target(make_case, options, target_db):
     case = make_case(**options)
     plan = _plan(case, target_db=target_db)
-    with using(dataclasses.replace(DEFAULT, line_pixel=100.0, point_pixel=1e6, map_pixel=1e-9)):
+    with using(dataclasses.replace(DEFAULT, line_pixel=100.0, point_pixel=1e6)):
         error = _error_db(case, plan(case.block))
-    assert plan.report.plan.method == 'polar'
+    assert plan.report.plan.method == 'groups'
     assert error - 1.0 <= plan.report.predicted_error_db <= target_db
 
 
-def test_many_pulses_go_the_polar_way(make_case):
+def test_many_pulses_are_added_in_groups(make_case):
     case = make_case(1e3, n=300, pulses=400, spacing_m=0.2)
     plan = _plan(case)
     assert _error_db(case, plan(case.block)) <= -80.0
-    assert plan.report.plan.method == 'polar'
+    assert plan.report.plan.method == 'groups'
 
 
 def test_image_is_the_sum_of_its_pulses(make_case):
@@ -177,13 +177,13 @@ def test_pulses_from_the_same_places_need_no_new_plan(make_case, monkeypatch):
     fresh = [exact_image(case.grid, block)
              for block in (case.block, moved)]
     planned = []
-    plan_polar = plans.plan_polar
+    plan_groups = plans.plan_groups
 
-    def counted(grid, tx_m, *others):
+    def counted(grid, radar, n_samples, tx_m, *others):
         planned.append(tx_m[0, 1])
-        return plan_polar(grid, tx_m, *others)
+        return plan_groups(grid, radar, n_samples, tx_m, *others)
 
-    monkeypatch.setattr(plans, 'plan_polar', counted)
+    monkeypatch.setattr(plans, 'plan_groups', counted)
     imager = plan_image(case.grid, case.block.radar, case.block.n_samples, method='exact',
                         target_db=-80.0)
     for block, image in zip((case.block, case.block, moved, moved, case.block),

@@ -22,8 +22,8 @@ def test_the_quickest_way_follows_the_costs(make_case):
         return report.plan.method
 
     assert method() == 'lines'
-    assert method(line_pixel=100.0, point_pixel=1e6) == 'polar'
-    assert method(line_pixel=1e3) == 'points'
+    assert method(line_pixel=100.0, point_pixel=1e6) == 'groups'
+    assert method(line_pixel=1e3, part_coefficient=1e3) == 'points'
 
 
 def test_a_file_holds_costs_and_the_environment_names_it(tmp_path, monkeypatch):

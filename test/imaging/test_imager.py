@@ -49,7 +49,7 @@ def test_all_methods_are_named_where_users_look():
 
 
 def test_auto_takes_the_quicker_one_that_meets_the_target(case, reference):
-    slow = dataclasses.replace(DEFAULT, line_pixel=1e4, point_pixel=1e5)
+    slow = dataclasses.replace(DEFAULT, line_pixel=1e4, point_pixel=1e5, part_coefficient=1e3)
     with using(slow):
         image = _imager(case, target_db=-50.0)(case.block)
         assert image.report.method == 'afbp' and 'exact backprojection takes' in str(image.report)
@@ -69,7 +69,7 @@ def test_bright_surroundings_are_imaged_exactly(make_case):
     x, y, _ = case.points[0]
     beside = dataclasses.replace(case.grid, centre_m=(x, y - 16.0, 0.0), n_x=96, n_y=96)
     with using(dataclasses.replace(DEFAULT, line_pixel=1e4, point_pixel=1e6,
-                                   upsampled_pixel=1e6)):
+                                   part_coefficient=1e3)):
         afbp = _imager(case, beside, method='afbp', target_db=-50.0)(case.block)
         image = _imager(case, beside, target_db=-50.0)(case.block)
     assert afbp.report.predicted_error_db > -40.0  # measured: -28 dB

@@ -10,6 +10,7 @@ from benchmarks.support.random_cases import TRACKS, random_case
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
 from sar_imaging.imaging.imager import plan_image
+from sar_imaging.planning.costs import DEFAULT, using
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.spectra import band_spectrum
@@ -70,16 +71,17 @@ def test_predictions_of_the_exact_imager_are_tight():
         case = random_case(1, track)
         report, image = _exact(case)
         above.append(_error_db(case, image) - report.predicted_error_db)
-    # Measured: -5.2 to 0.2, median -2.2; over the campaign's cases about the same.
-    assert -6.0 <= min(above) and -3.0 <= np.median(above) <= -1.0
+    # Measured: -5.2 to -1.4, median -3.5; of images from groups of echoes -4.5 to -1.4.
+    assert -6.0 <= min(above) and -4.0 <= np.median(above) <= -1.0
 
 
-@pytest.mark.parametrize('seed', [427, 735, 842])
-def test_rows_that_slant_across_the_ranges_end_as_well_as_they_begin(seed):
+@pytest.mark.parametrize(('seed', 'route'), [(427, 'groups'), (735, 'points'), (842, 'points')])
+def test_rows_that_slant_across_the_ranges_end_as_well_as_they_begin(seed, route):
     """Corners were up to -33 dB off: the polar image ended before what their rows read."""
     case = random_case(seed)
-    report, image = _exact(case)
-    assert report.plan.method == 'polar'
+    with using(dataclasses.replace(DEFAULT, line_pixel=1e6, point_pixel=1e5)):
+        report, image = _exact(case)
+    assert report.plan.method == route
     for corner in np.ndindex(2, 2):
         some = tuple(slice(0, 6) if end == 0 else slice(-6, None) for end in corner)
         points = case.grid.points()[some].reshape(-1, 3)

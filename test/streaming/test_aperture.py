@@ -278,7 +278,8 @@ def test_whole_apertures_are_imaged_by_other_methods(make_case, method):
     case = make_case(1e3, pulses=256)
     stage = ApertureImager(case.grid, pulses_per_aperture=128, method=method, target_db=-50.0)
     block = case.block.select(np.r_[0:40, 50:256])  # ten pulses are lost
-    with using(dataclasses.replace(DEFAULT, line_pixel=1e4, point_pixel=1e5)):
+    with using(dataclasses.replace(DEFAULT, line_pixel=1e4, point_pixel=1e5,
+                                   part_coefficient=1e3)):
         images = run(stage, [block.select(slice(n, n + 32)) for n in range(0, 246, 32)])
     images += stage.flush()
     assert [image.method for image in images] == ['afbp', 'afbp']

@@ -7,6 +7,7 @@ that exact backprojection does not load the beams and transforms of AFBP.
 import importlib
 
 ILLUMINATION = True  # of plans is followed
+GROUPS = True  # of echoes are imaged one by one
 
 _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'beams',
             'SpectrumFusion': 'fusion', 'form_map': 'fusion',

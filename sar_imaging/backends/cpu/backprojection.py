@@ -13,8 +13,10 @@ from ...compilation import njit, numba
 from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
+from ...planning.exact.groups import GroupPlan
 from ...planning.exact.points import PointPlan, image_layers
 from ...planning.exact.polar_image import DEGREE, TAPS, AzimuthParts, PolarPlan
+from .groups import GroupImages
 from .illumination import Antennas, TileAmplitudes
 from .lines import PolarLines, line_middles, project_lines, shared_phase
 from .memory import WorkSpace, aligned_empty
@@ -158,7 +160,7 @@ class Backprojection:
     """
 
     def __init__(self, plan: BackprojectionPlan, memory: WorkSpace | None = None):
-        routes = {PolarPlan: _Polar, LinePlan: _Lines, PointPlan: _Points}
+        routes = {PolarPlan: _Polar, LinePlan: _Lines, PointPlan: _Points, GroupPlan: _groups}
         self.plan, self.memory = plan, memory or WorkSpace()
         self._route = routes[type(plan.route)](plan, self.memory)
 
@@ -194,6 +196,10 @@ class _Polar:
         polar_to_map(total, route.polar, self._grid, axis=route.axis,
                      wavelength_m=route.wavelength_m, between=route.between, along=route.along,
                      onto=image)
+
+
+def _groups(plan: BackprojectionPlan, memory: WorkSpace) -> GroupImages:
+    return GroupImages(plan.route, plan.radar.wavelength_m, memory)
 
 
 class _Lines:

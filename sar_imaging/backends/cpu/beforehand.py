@@ -7,12 +7,14 @@ one after that.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...geometry.grids import MapGrid
 from ...planning.exact.backprojection import plan_backprojection
+from ...planning.exact.groups import plan_groups
 from ...planning.exact.polar_image import DEGREE, TAPS, AzimuthParts, plan_polar
 from ...planning.interpolators import design_interpolator
 from ...signal.pulses import PulseBlock
@@ -57,6 +59,23 @@ def _backprojection() -> None:
                       for p in (None, parts)]
         for route in plans:
             Backprojection(route).add(samples, centres, centres, image)
+    _groups(radar)
+
+
+def _groups(radar: RadarParameters) -> None:
+    """With interpolators of all lengths, between lines near each other and far apart."""
+    from .backprojection import Backprojection
+
+    grid = MapGrid((100.0, 0.0, 0.0), 32, 32, 0.25)
+    centres, samples = np.zeros((16, 3)), np.zeros((16, 512), np.complex64)
+    centres[:, 1] = np.linspace(-2.0, 2.0, 16)
+    for n_parts, target_db in itertools.product((1, 5), (-80.0, -60.0, -45.0)):
+        plan = plan_backprojection(grid, radar, 512, centres, centres, target_db)
+        route = plan_groups(grid, radar, 512, centres, centres, plan.range_m, target_db,
+                            (1, n_parts))
+        if route is not None:
+            Backprojection(dataclasses.replace(plan, route=route)).add(
+                samples, centres, centres, np.zeros(grid.shape, np.complex64))
 
 
 def _subapertures() -> None:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -44,6 +45,9 @@ from .instructions import (
     transpose,
 )
 from .memory import aligned_empty
+
+if TYPE_CHECKING:
+    from ...planning.exact.groups import GroupedMap
 
 POSITION_BYTES = 5 * VECTOR_BYTES
 # of a position: the first of the starts, and of each lane what it is from the middle between two
@@ -286,9 +290,42 @@ def polar_to_map(lines, polar: PolarGrid, grid: MapGrid, *, axis: int, wavelengt
     else:
         whole = whole.reshape(-1).view(np.complex64)
         image = whole[:grid.n_y * grid.n_x].reshape(grid.shape)
-    _interpolate(*lines, polar, grid, image, rounds, onto is not None, axis, wavelength_m, between,
-                 along)
+    line, rows, direction = _positions(polar, grid, axis, between)
+    _interpolate(*lines, _Lines(line, rows, direction, polar.height_m, polar.range_start_m,
+                                polar.range_spacing_m, polar.n_range, polar.n_alpha),
+                 image, rounds, onto is not None, axis, 2 / wavelength_m, between, along)
     return image
+
+
+def group_to_map(lines, group, axes_m, plan: GroupedMap, cycles_per_m: float, image) -> None:
+    """Add the polar image of a group of echoes to a map, whose rows may lie in a larger one.
+
+    Parameters
+    ----------
+    lines : (n_alpha, 2, n_range) float32
+        At range baseband.
+    group : GROUP
+        The group, of `plan`.
+    axes_m : ((n_x,), (n_y,)) float64
+        Coordinates of the columns and rows of the map, metres.
+    plan : GroupedMap
+        With the interpolators.
+    cycles_per_m : float
+        Of the carrier, by the half path.
+    image : (n_y, n_x) complex64
+        Map to add to.
+    """
+    axis = int(group['axis'])
+    origin, track = (group['x_m'], group['y_m']), (group['track_x'], group['track_y'])
+    line, rows = axes_m[axis] - origin[axis], axes_m[1 - axis] - origin[1 - axis]
+    spacing = group['alpha_spacing']
+    ahead = math.copysign(track[axis], track[axis] * line.mean())
+    _interpolate(lines[:, 0], lines[:, 1], _Lines(
+        line, rows, (float(ahead / spacing), float(track[1 - axis] / spacing),
+                     float(group['alpha'] / spacing - plan.between.first)),
+        float(group['height_m']), float(group['range_m']), plan.lattice.spacing,
+        int(group['n_range']), int(group['n_alpha'])), image, [0, len(rows)], True, axis,
+        cycles_per_m, plan.between, plan.along)
 
 
 def overwriting_rounds(polar: PolarGrid, grid: MapGrid, *, axis: int, between: Interpolator,
@@ -351,16 +388,31 @@ def _first_lines(polar, grid, between, along) -> np.ndarray:
     return np.floor(v).astype(np.int64) - 1
 
 
-def _interpolate(real, imag, polar, grid, image, rounds, add, axis, wavelength_m, between,
+class _Lines(NamedTuple):
+    """Lines of a polar image, and pixels that they are interpolated to.
+
+    `line`, `rows` and `direction` are as of `_positions`.
+    """
+
+    line: np.ndarray
+    rows: np.ndarray
+    direction: tuple[float, float, float]
+    height_m: float
+    range_m: float
+    spacing_m: float
+    n_range: int
+    n_alpha: int
+
+
+def _interpolate(real, imag, lines: _Lines, image, rounds, add, axis, cycles_per_m, between,
                  along) -> None:
     """Rows from one of `rounds` to the next, one round after the other; added or stored."""
-    line, rows, direction = _positions(polar, grid, axis, between)
-    steps = np.array((grid.n_x, 1) if axis == 0 else (1, grid.n_x)) * SAMPLE_BYTES
-    step, pixel = polar.range_spacing_m, np.ptp(line) / max(len(line) - 1, 1)
+    line, rows, direction, height_m, start, step, n_range, n_alpha = lines
+    steps = np.array(image.strides if axis == 0 else image.strides[::-1])
+    pixel = np.ptp(line) / max(len(line) - 1, 1)
     # ranges that _PIXELS pixels read, begun and ended by whole vectors
     length = LANES * (3 + math.ceil((_PIXELS * pixel / step + along.n_taps) / LANES))
-    r = polar.range_start_m + step * np.arange(-LANES, polar.n_range + 2 * LANES)
-    r = np.maximum(r, 0.5 * polar.range_start_m)
+    r = np.maximum(start + step * np.arange(-LANES, n_range + 2 * LANES), 0.5 * start)
     squares, inverses = r ** 2, 1 / r
     n_tasks = numba.get_num_threads()
     tables = aligned_empty((n_tasks, 3, LANES), np.float64)
@@ -370,11 +422,10 @@ def _interpolate(real, imag, polar, grid, image, rounds, add, axis, wavelength_m
         n_strips = -(-(end - begin) // LANES)
         job = max(1, min(_MOST_STRIPS, n_strips // (_JOBS_PER_THREAD * n_tasks)))  # its strips
         counter = job_counter()
-        _resample((real.ctypes.data, imag.ctypes.data, real.strides[0], polar.n_range,
-                   polar.n_alpha - between.n_taps - 2.0),
-                  (rows[begin:end], line, direction, polar.height_m ** 2),
-                  (squares.ctypes.data, inverses.ctypes.data, polar.range_start_m, 1 / step,
-                   2 / wavelength_m),
+        _resample((real.ctypes.data, imag.ctypes.data, real.strides[0], n_range,
+                   n_alpha - between.n_taps - 2.0),
+                  (rows[begin:end], line, direction, height_m ** 2),
+                  (squares.ctypes.data, inverses.ctypes.data, start, 1 / step, cycles_per_m),
                   (weights[0].ctypes.data, (0,) * between.n_taps),
                   (weights[1].ctypes.data, (0,) * along.n_taps, along.first),
                   (image.ctypes.data + begin * int(steps[0]), steps, int(add)), tables,

@@ -101,6 +101,11 @@ class Profiles:
         self._gain = np.repeat(gain, 2)  # of real and imaginary part
 
     @property
+    def n_cells(self) -> int:
+        """Cells of the planes."""
+        return self._count
+
+    @property
     def cycles_per_step(self) -> float:
         """Carrier phase per lattice step, cycles."""
         return 2 * self.lattice.step_m / self.radar.wavelength_m

@@ -13,6 +13,7 @@ from .entries import Backprojection, SpectrumFusion, SubapertureImager, form_map
 from .project_points import TrialImages
 
 ILLUMINATION = True  # of plans is followed
+GROUPS = True  # of echoes: their maps are computed point by point
 
 __all__ = ['Backprojection', 'SpectrumFusion', 'SubapertureImager', 'TrialImages',
            'correlate_profiles', 'correlate_spectra', 'form_map']

@@ -61,7 +61,7 @@ class Backprojection:
                                   wavelength_m=route.wavelength_m, between=route.between,
                                   along=route.along)
             return
-        points_m = grid.points().reshape(*image.shape, 3)
+        points_m = grid.points().reshape(*image.shape, 3)  # whatever the route, exactly
         image += project_points(route.window, samples, route.lattice.n_padded, tx_m, rx_m,
                                 points_m, self.plan.illumination)
 

@@ -31,7 +31,14 @@ from ..profiles import (
     reach_warnings,
     some_pixels,
 )
-from .points import ImagePoints, PointPlan, plan_even_points, plan_points
+from .groups import GroupPlan, plan_groups
+from .points import (
+    ImagePoints,
+    PointPlan,
+    plan_even_points,
+    plan_points,
+    point_operations,
+)
 from .polar_image import PolarPlan, plan_polar
 
 if TYPE_CHECKING:
@@ -178,8 +185,8 @@ class BackprojectionPlan(Plan):
     ----------
     tx_m, rx_m : (R, 3) float64
         Phase centres of the echoes that it is for, metres.
-    route : PolarPlan, LinePlan or PointPlan
-        The quickest of the three.
+    route : GroupPlan, PolarPlan, LinePlan or PointPlan
+        The quickest of these.
     illumination : Illumination or None
         Illumination of the echoes; None where they light all pixels alike.
     """
@@ -189,13 +196,13 @@ class BackprojectionPlan(Plan):
     tx_m: np.ndarray
     rx_m: np.ndarray
     range_m: tuple[float, float]
-    route: PolarPlan | LinePlan | PointPlan
+    route: GroupPlan | PolarPlan | LinePlan | PointPlan
     warnings: tuple[str, ...]
     illumination: Illumination | None = None
 
     @property
     def method(self) -> str:
-        """``'polar'``, ``'lines'`` or ``'points'``."""
+        """``'groups'``, ``'polar'``, ``'lines'`` or ``'points'``."""
         return self.route.method
 
     @property
@@ -226,12 +233,13 @@ class BackprojectionPlan(Plan):
 
 
 def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_samples: int,
-                        tx_m, rx_m, target_db: float, illumination: Illumination | None = None
-                        ) -> BackprojectionPlan:
+                        tx_m, rx_m, target_db: float, illumination: Illumination | None = None,
+                        *, groups: bool = False) -> BackprojectionPlan:
     """Plan the quickest route of adding echoes to an image.
 
     With `illumination`, that of the echoes, pixels that an echo does not light take no part in its
-    errors and its time.
+    errors and its time. `groups` tells whether the backend images maps from groups of echoes;
+    where it does not, or with illumination, there are polar images of all echoes instead.
 
     Raises
     ------
@@ -248,7 +256,7 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
                           illumination=illumination)
     else:
         range_m, route = _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db,
-                                        illumination)
+                                        illumination, groups)
     (start, stop), some = covered_ranges(radar, n_samples), (
         grid.some() if is_points else some_pixels(grid))
     warnings = azimuth_warnings(some, tx_m, rx_m, radar, illumination)
@@ -258,8 +266,9 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
                               illumination)
 
 
-def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination):
+def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, groups):
     """Bounds of the half path, and the quickest route."""
+    groups = groups and illumination is None and isinstance(grid, MapGrid)
     lines = GridLines(grid, tx_m, rx_m, illumination)
     check_reach(lines.range_m, radar, n_samples)
     where = radar, n_samples, tx_m, rx_m
@@ -267,16 +276,26 @@ def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination):
     least = 0.0 if illumination is not None else least_cost() * len(tx_m)
     routes = [(least, lambda: _plan_lines(lines, *where, len(grid.shape), target_db,
                                           illumination))]
-    if isinstance(grid, MapGrid):  # polar images lie on horizontal planes
+    if groups:
+        routes.append((costs().grouped_pixel, lambda: plan_groups(
+            grid, *where, lines.range_m, target_db)))
+    elif isinstance(grid, MapGrid):  # polar images lie on horizontal planes
         routes.append((costs().map_pixel, lambda: plan_polar(
             grid, tx_m, rx_m, radar, n_samples, target_db, illumination)))
     route, cost = None, costs().point_pixel * len(tx_m)
+    if groups:  # small maps near the antenna: the profiles of other routes may take most of it
+        cost = costs().nanoseconds(point_operations(
+            grid, radar, n_samples, len(tx_m), lines.range_m, target_db)) / math.prod(grid.shape)
     for least, plan in sorted(routes, key=lambda known: known[0]):
         found = plan() if least < cost else None
-        if found is not None and found.cost < cost and (
+        if found is None:
+            continue
+        needed = found.cost if not groups else costs().nanoseconds(
+            found.operations(grid, len(tx_m))) / math.prod(grid.shape)
+        if needed < cost and (
                 illumination is None or found.method != PolarPlan.method
                 or total_db(*found.errors_db.values()) <= target_db):
-            route, cost = found, found.cost
+            route, cost = found, needed
     if route is None:
         route = plan_even_points(grid, *where, lines.range_m, target_db, illumination=illumination)
     return lines.range_m, route

@@ -207,6 +207,14 @@ def image_layers(grid: ImagePoints | EvenGrid) -> list[ImagePoints]:
     return [ImagePoints.of_grid(grid)]
 
 
+def point_operations(grid: EvenGrid, radar: RadarParameters, n_samples: int, n_echoes: int,
+                     range_m: tuple[float, float], target_db: float) -> dict[str, float]:
+    """How often the image of a grid point by point does the operations of `CostModel`."""
+    window = RangeGate.around(radar, n_samples, range_m)
+    lattice = plan_point_resampling(radar, window.n_samples, target_db)
+    return {'image': 1} | lattice.operations(n_echoes, math.prod(grid.shape))
+
+
 def plan_even_points(grid: EvenGrid, *planned, illumination: Illumination | None = None
                      ) -> PointPlan:
     """Plan the image of a map, plane or volume point by point; `planned` as of `plan_points`."""

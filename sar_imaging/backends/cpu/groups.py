@@ -1,0 +1,598 @@
+"""Maps from groups of echoes: lines of their parts, sums of these, and the way to the map.
+
+Formulas are those of `planning.exact.group_geometry`. A line of a part is read from polynomials of
+the profiles in segments, as `lines` does it, but the geometry of an echo, a line and a segment is
+one square root. Lines are at range baseband, and less the middle frequency of their part along
+direction. They lie block by block, (blocks, parts, lines, 2, LANES) float32, so that a block of
+ranges of all parts, which all lines of the sum read, stays in the second cache.
+
+Functions written as instructions take addresses as int64; tuples are as long as what is known when
+code is written.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba.core import types
+
+from ...compilation import njit, numba
+from ...planning.exact.groups import QUAD, GroupedMap, GroupPlan
+from ...planning.exact.points import ImagePoints
+from .instructions import (
+    FLOAT,
+    INT,
+    LANES,
+    Vector,
+    instructions,
+    job_counter,
+    take_job,
+)
+from .lines import _cos_cycles, _fraction, _sin_cycles
+from .memory import WorkSpace
+from .points import project_points
+from .polar_to_map import group_to_map
+from .profiles import Profiles
+
+LINES = 16  # of a part whose geometry is computed together
+_CHUNK_BYTES = 6 << 20  # coefficients of the echoes that are added together, on each thread
+_BLOCK_BYTES = 8 * LANES
+_FLOATS = ir.VectorType(FLOAT, LANES)
+_i = types.int64
+_R2, _R6, _R8, _R24 = (np.float32(1 / v) for v in (2, 6, 8, 24))
+
+
+@instructions(_i, _i, None, _i, _i, _i, _i)
+def add_echo(b, planes, plane_bytes, degrees, coefficients, work, n_vectors, numbers):
+    """Add an echo to a segment of a line, LANES ranges at a time.
+
+    `planes` is the address of the first real coefficient, `degrees` a tuple as long as their
+    degree, `coefficients` the first of eleven, LINES float32 apart: of the position, a parabola,
+    and of the phasor, cubics. `work` is the real part of the segment, behind which lies the
+    imaginary one; `numbers` counts the ranges from the middle.
+    """
+    degree = degrees.type.count
+    k = [b.spread(b.load(b.pointer(coefficients, FLOAT, 4 * LINES * n)), LANES) for n in range(11)]
+    rows = [planes]
+    for _ in range(2 * degree + 1):
+        rows.append(b.add(rows[-1], plane_bytes))
+    behind = b.mul(n_vectors, INT(4 * LANES))
+    before, loop, end = b.block, b.append_basic_block(), b.append_basic_block()
+    b.branch(loop)
+    b.position_at_end(loop)
+    index = b.phi(INT)
+    shift = b.mul(index, INT(4 * LANES))
+
+    def load(address):
+        return Vector(b, b.load(b.pointer(b.add(address, shift), _FLOATS), align=4))
+
+    f = load(numbers)
+    t = (k[2] * f + k[1]) * f + k[0]
+    cosine = ((k[9] * f + k[7]) * f + k[5]) * f + k[3]
+    sine = ((k[10] * f + k[8]) * f + k[6]) * f + k[4]
+    parts = []
+    for part in (0, 1):
+        first = part * (degree + 1)
+        value = load(rows[first + degree])
+        for n in range(degree - 1, -1, -1):
+            value = value * t + load(rows[first + n])
+        parts.append(value)
+    re, im = parts
+    to = b.add(work, shift)
+    for place, value in ((to, re * cosine - im * sine),
+                         (b.add(to, behind), re * sine + im * cosine)):
+        place = b.pointer(place, _FLOATS)
+        b.store((Vector(b, b.load(place, align=4)) + value).value, place, align=4)
+    following = b.add(index, INT(1))
+    index.add_incoming(INT(0), before)
+    index.add_incoming(following, loop)
+    b.cbranch(b.icmp_signed('<', following, n_vectors), loop, end)
+    b.position_at_end(end)
+
+
+@instructions(_i, _i, _i, _i, None, _i, _i, _i)
+def sum_parts(b, source, part_bytes, n_parts, weights, taps, phasors, target, target_bytes):
+    """Weighted sums of lines of all parts, each times its part's phasor, as four lines.
+
+    Of each part, `part_bytes` apart, as many lines from `source` on as the tuple `taps` is long;
+    weights are (taps, 4) float32, phasors (parts, 4, 2). The real part of the first line is stored
+    at `target`, its imaginary part `target_bytes` behind it, and so on.
+    """
+    before, loop, end = b.block, b.append_basic_block(), b.append_basic_block()
+    b.branch(loop)
+    b.position_at_end(loop)
+    index, place, turn = b.phi(INT), b.phi(INT), b.phi(INT)
+    totals, sums = [b.phi(_FLOATS) for _ in range(2 * QUAD)], [None] * (2 * QUAD)
+    for k in range(taps.type.count):
+        values = [Vector(b, b.load(b.pointer(place, _FLOATS, k * _BLOCK_BYTES + part * 4 * LANES),
+                                   align=4)) for part in (0, 1)]
+        for n in range(2 * QUAD):
+            w = b.spread(b.load(b.pointer(weights, FLOAT, 4 * (QUAD * k + n // 2))), LANES)
+            term = w * values[n % 2]
+            sums[n] = term if sums[n] is None else sums[n] + term
+    results = []
+    for line in range(QUAD):
+        c, s = (b.spread(b.load(b.pointer(turn, FLOAT, 8 * line + 4 * i)), LANES) for i in (0, 1))
+        re, im = sums[2 * line], sums[2 * line + 1]
+        results += [Vector(b, totals[2 * line]) + re * c - im * s,
+                    Vector(b, totals[2 * line + 1]) + re * s + im * c]
+    following = b.add(index, INT(1))
+    steps = b.add(place, part_bytes), b.add(turn, INT(8 * QUAD))
+    for phi, first, later in (
+            (index, INT(0), following), (place, source, steps[0]), (turn, phasors, steps[1]),
+            *((t, _FLOATS([0.0] * LANES), r.value) for t, r in zip(totals, results, strict=True))):
+        phi.add_incoming(first, before)
+        phi.add_incoming(later, b.block)
+    b.cbranch(b.icmp_signed('<', following, n_parts), loop, end)
+    b.position_at_end(end)
+    for n, result in enumerate(results):
+        to = b.add(target, b.mul(target_bytes, INT(n)))
+        b.store(result.value, b.pointer(to, _FLOATS), align=4)
+
+
+class Cells(NamedTuple):
+    """Profiles of some echoes as the compiled loop over parts takes them.
+
+    Parameters
+    ----------
+    planes : int
+        Address of the coefficients of `Profiles.planes`.
+    first : int
+        First of the echoes.
+    n_phases, n_planes, n_cells : int
+        Their shape but for the echoes.
+    range_zero_m, step_m : float
+        Half path at the first cell after as many of padding as a segment has, and from position
+        to position.
+    cycles_per_m, phase_range_m : float
+        Of the carrier, and the half path at which its phase is zero.
+    """
+
+    planes: int
+    first: int
+    n_phases: int
+    n_planes: int
+    n_cells: int
+    range_zero_m: float
+    step_m: float
+    cycles_per_m: float
+    phase_range_m: float
+
+
+class PartLines(NamedTuple):
+    """Lines of the parts of a group, and where they go.
+
+    Parameters
+    ----------
+    alpha : (J,) float64
+        Directions of the lines, in whole blocks of `LINES`.
+    n_lines, n_parts, n_range : int
+        Lines of a part, parts, ranges.
+    range_m, spacing_m : float
+        First range and spacing.
+    middles : (S,) float64
+        Ranges in the middle of segments, metres.
+    geometry : (S, J / LINES, 7, LINES) float64
+        What `line_geometry` gives.
+    images : (K,) float32
+        The lines, see the module's text.
+    """
+
+    alpha: np.ndarray
+    n_lines: int
+    n_parts: int
+    n_range: int
+    range_m: float
+    spacing_m: float
+    middles: np.ndarray
+    geometry: np.ndarray
+    images: np.ndarray
+
+
+class PartWork(NamedTuple):
+    """Arrays that the tasks of the compiled loop work in; `numbers` counts from the middle."""
+
+    sums: np.ndarray
+    coefficients: np.ndarray
+    paths: np.ndarray
+    places: np.ndarray
+    numbers: np.ndarray
+
+
+@njit(inline='always')
+def _forward(r, alpha, height, least):
+    """How far ahead a place lies, continued beside the map, see `group_geometry`."""
+    s = 1.0 - alpha * alpha - (height / r) ** 2
+    q = least * least
+    if s >= q:
+        return r * np.sqrt(s)
+    d = (s - q) / q
+    return r * least * (1.0 + d * (0.5 + d * (-0.125 + d * 0.0625)))
+
+
+@njit(distinct=True, error_model='numpy')
+def line_geometry(middles, alpha, height, least, reach, out):
+    """Of each segment's middle and line alpha r, r^2, alpha, and f with three derivatives by r.
+
+    These are of the cubic through four ranges of the segment, which reaches `reach` to either
+    side; `out` is (S, J / LINES, 7, LINES).
+    """
+    u = 0.75 * reach
+    for s in range(len(middles)):
+        for j in range(len(alpha)):
+            a, r = alpha[j], middles[s]
+            f0, f3 = _forward(r - u, a, height, least), _forward(r + u, a, height, least)
+            f1 = _forward(r - u / 3.0, a, height, least)
+            f2 = _forward(r + u / 3.0, a, height, least)
+            even, odd, inner = 0.5 * (f3 + f0), 0.5 * (f3 - f0), 0.5 * (f2 - f1)
+            second = (even - 0.5 * (f2 + f1)) * 9.0 / 8.0
+            third = (odd - 3.0 * inner) * 9.0 / 8.0
+            b, i = j // LINES, j % LINES
+            out[s, b, 0, i], out[s, b, 1, i], out[s, b, 2, i] = a * r, r * r, a
+            out[s, b, 3, i] = even - second
+            out[s, b, 4, i] = (odd - third) / u
+            out[s, b, 5, i] = 2.0 * second / (u * u)
+            out[s, b, 6, i] = 6.0 * third / (u * u * u)
+
+
+@njit(inline='always')
+def _paths(geometry, r, centres, echo, s, block, paths, task, to):
+    """Distances of the middles of LINES lines from a phase centre, and three derivatives by r."""
+    x, y, c = centres[echo, 0], centres[echo, 1], centres[echo, 2]
+    for j in range(LINES):
+        square = (geometry[s, block, 1, j] - 2.0 * x * geometry[s, block, 0, j] + c
+                  - 2.0 * y * geometry[s, block, 3, j])
+        d = np.sqrt(square)
+        inverse = 1.0 / d
+        d1 = (r - x * geometry[s, block, 2, j] - y * geometry[s, block, 4, j]) * inverse
+        d2 = (1.0 - y * geometry[s, block, 5, j] - d1 * d1) * inverse
+        paths[task, to, j] = d
+        paths[task, to + 1, j] = d1
+        paths[task, to + 2, j] = d2
+        paths[task, to + 3, j] = (-y * geometry[s, block, 6, j] - 3.0 * d1 * d2) * inverse
+
+
+@njit(parallel=True, error_model='numpy')
+def form_parts(cells, degrees, tx, rx, repeats, parts, frequency, lines, work, counter):
+    """Lines of some parts of a group, stored.
+
+    Parameters
+    ----------
+    cells : Cells
+        Profiles of their echoes.
+    degrees : tuple
+        As long as their degree.
+    tx, rx : (E, 3) float64
+        X, Y and c of all echoes.
+    repeats : (E, 2) uint8
+        1 where a transmitter is that of the echo before, and a receiver its transmitter.
+    parts : (P, 3) int64
+        First echo, end, and number of each part in the group.
+    frequency : (P',) float64
+        Cycles per unit of direction to be taken off, by the number of a part.
+    lines : PartLines
+        The lines.
+    work : PartWork
+        For each task.
+    counter : int
+        Address of a `job_counter`.
+    """
+    n_blocks = len(lines.alpha) // LINES
+    n_jobs = len(parts) * n_blocks
+    for task in numba.prange(len(work.sums)):
+        job = take_job(counter)
+        while job < n_jobs:
+            part, block = parts[job // n_blocks], job % n_blocks
+            for s in range(len(lines.middles)):
+                _form_segment(cells, degrees, tx, rx, repeats, part, frequency[part[2]], lines,
+                              work, task, block, s)
+            job = take_job(counter)
+
+
+@njit(error_model='numpy')
+def _form_segment(cells, degrees, tx, rx, repeats, part, frequency, lines, work, task, block, s):
+    """A segment of LINES lines of a part."""
+    begin, end = part[0], part[1]
+    segment = len(work.numbers)
+    half, n_some = segment // 2, min(LINES, lines.n_lines - block * LINES)
+    r, dr = lines.middles[s], lines.spacing_m
+    per_cell = dr / cells.step_m
+    turns = np.float32(cells.cycles_per_m * cells.step_m)
+    sums, k, paths, places = work.sums, work.coefficients, work.paths, work.places
+    per_echo = cells.n_phases * cells.n_planes * cells.n_cells
+    at_sums = sums.ctypes.data + 4 * task * 2 * LINES * segment
+    at_k = k.ctypes.data + 4 * task * 14 * LINES
+    for i in range(2 * LINES * segment):
+        sums[task, i] = 0.0
+    middle = (begin + end) // 2
+    _paths(lines.geometry, r, tx, middle, s, block, paths, task, 0)
+    _paths(lines.geometry, r, rx, middle, s, block, paths, task, 4)
+    _drifts(paths, task, 4, per_cell, dr, cells.n_phases, k, 11)
+    for echo in range(begin, end):
+        if repeats[echo, 0] == 0 or echo == begin:
+            _paths(lines.geometry, r, tx, echo, s, block, paths, task, 0)
+        other = 0
+        if repeats[echo, 1] == 0:
+            other = 4
+            _paths(lines.geometry, r, rx, echo, s, block, paths, task, 4)
+        _drifts(paths, task, other, per_cell, dr, cells.n_phases, k, 1)
+        _begin(cells, paths, task, other, segment, k, places)
+        _expand_phasors(k, task, turns, half)
+        offset = (echo - cells.first) * per_echo
+        for j in range(n_some):
+            add_echo(cells.planes + 4 * (places[task, j] + offset), 4 * cells.n_cells,
+                     degrees, at_k + 4 * j, at_sums + 8 * j * segment, segment // LANES,
+                     work.numbers.ctypes.data)
+    _store_lines(cells, frequency, part[2], lines, work, task, block, s, n_some)
+
+
+@njit(inline='always')
+def _drifts(paths, task, other, per_cell, dr, n_phases, k, first):
+    """First to third order of a segment's drift over the lattice, in steps per range."""
+    for j in range(LINES):
+        k[task, first, j] = 0.5 * per_cell * (
+            paths[task, 1, j] + paths[task, other + 1, j]) - n_phases
+        k[task, first + 1, j] = 0.25 * per_cell * dr * (
+            paths[task, 2, j] + paths[task, other + 2, j])
+        k[task, first + 2, j] = per_cell * dr * dr / 12.0 * (
+            paths[task, 3, j] + paths[task, other + 3, j])
+
+
+@njit(inline='always')
+def _begin(cells, paths, task, other, segment, k, places):
+    """Position in the middle of a segment: within its interval, its phase, and its cell."""
+    half = segment // 2
+    for j in range(LINES):
+        d = 0.5 * (paths[task, 0, j] + paths[task, other, j])
+        v = (d - cells.range_zero_m) / cells.step_m
+        n = np.floor(v)
+        cell = np.floor((n + 0.5) / cells.n_phases)
+        phase = n - cell * cells.n_phases
+        k[task, 0, j] = v - n
+        cycles = cells.cycles_per_m * (cells.range_zero_m - cells.phase_range_m + n * cells.step_m)
+        k[task, 4, j] = cycles - np.rint(cycles)
+        # A segment outside the profile reads padding only.
+        cell = min(max(cell, -1.0 * half), cells.n_cells - 2.0 * segment + half)
+        places[task, j] = np.int64(phase * cells.n_planes * cells.n_cells + cell + half)
+
+
+@njit(inline='always')
+def _expand_phasors(k, task, turns, half):
+    """Phasors of an echo less what its part shares, cubics in the number of the range.
+
+    As `lines._expand_phasor`, the quartic term economised.
+    """
+    turn, square = np.float32(2 * np.pi) * turns, np.float32(half * half)
+    for j in range(LINES):
+        a = turn * (k[task, 1, j] - k[task, 11, j])
+        b = turn * (k[task, 2, j] - k[task, 12, j])
+        c = turn * (k[task, 3, j] - k[task, 13, j])
+        g = _fraction(k[task, 4, j] + turns * k[task, 0, j])
+        sine, cosine = _sin_cycles(g, g * g), _cos_cycles(g * g)
+        aa = a * a
+        r4, i4 = aa * aa * _R24 - _R2 * b * b - a * c, -_R2 * aa * b
+        r3, i3 = -a * b, c - aa * a * _R6
+        r2, i2 = square * r4 - _R2 * aa, square * i4 + b
+        r0, i0 = np.float32(1) - square * square * _R8 * r4, -square * square * _R8 * i4
+        k[task, 3, j] = cosine * r0 - sine * i0
+        k[task, 4, j] = cosine * i0 + sine * r0
+        k[task, 5, j] = -sine * a
+        k[task, 6, j] = cosine * a
+        k[task, 7, j] = cosine * r2 - sine * i2
+        k[task, 8, j] = cosine * i2 + sine * r2
+        k[task, 9, j] = cosine * r3 - sine * i3
+        k[task, 10, j] = cosine * i3 + sine * r3
+
+
+@njit(inline='always')
+def _store_lines(cells, frequency, number, lines, work, task, block, s, n_some):
+    """Lines of a segment at range baseband, with the phasor that the echoes of the part share."""
+    segment, r, dr = len(work.numbers), lines.middles[s], lines.spacing_m
+    sums, k, images = work.sums, work.coefficients, lines.images
+    turns = np.float32(cells.cycles_per_m * cells.step_m)
+    length, lanes, half = np.uint64(segment), np.uint64(LANES), segment // 2
+    n_vectors = min(segment, lines.n_range - s * segment) // LANES
+    for j in range(n_some):
+        line = block * LINES + j
+        c = -cells.cycles_per_m * (r - lines.range_m) - frequency * lines.alpha[line]
+        c0 = np.float32(c - np.rint(c))
+        b1 = np.float32(cells.cycles_per_m * (
+            (k[task, 11, j] + cells.n_phases) * cells.step_m - dr))
+        b2, b3 = turns * k[task, 12, j], turns * k[task, 13, j]
+        source = np.uint64(2 * j * segment)
+        for vector in range(n_vectors):
+            to = np.uint64((((s * segment // LANES + vector) * lines.n_parts + number)
+                            * lines.n_lines + line) * 2 * LANES)
+            f0 = np.float32(vector * LANES - half)
+            begin = source + np.uint64(vector * LANES)
+            for i in range(lanes):
+                f = np.float32(i) + f0
+                g = _fraction(c0 + f * (b1 + f * (b2 + f * b3)))
+                sine, cosine = _sin_cycles(g, g * g), _cos_cycles(g * g)
+                re, im = sums[task, begin + i], sums[task, begin + length + i]
+                images[to + i] = re * cosine - im * sine
+                images[to + lanes + i] = re * sine + im * cosine
+
+
+@njit(error_model='numpy')
+def part_weights(group, frequency, first, interpolator, starts, weights, phasors):
+    """How lines of parts become the lines of their group, four at a time.
+
+    Parameters
+    ----------
+    group : GROUP
+        The group.
+    frequency : (P,) float64
+        Cycles per unit of direction of each part.
+    first, interpolator : int, (degree + 1, taps) float64
+        Of the interpolator between lines of parts.
+    starts, weights, phasors : (Q,) int64, (Q, taps and more, 4), (Q, P, 4, 2) float32
+        First line of the parts that four lines read, weights, and phasors of the parts; filled.
+    """
+    n_taps = interpolator.shape[1]
+    weights[:] = 0.0
+    for quad in range(len(starts)):
+        for line in range(QUAD):
+            alpha = group.alpha + group.alpha_spacing * (QUAD * quad + line)
+            v = (alpha - group.coarse) / group.coarse_spacing
+            low = np.floor(v)
+            if line == 0:
+                starts[quad] = np.int64(low) + first
+            shift, t = np.int64(low) + first - starts[quad], v - low
+            for tap in range(n_taps):
+                w = 0.0
+                for power in range(len(interpolator) - 1, -1, -1):
+                    w = w * t + interpolator[power, tap]
+                weights[quad, shift + tap, line] = w
+            for part in range(len(frequency)):
+                c = alpha * frequency[part]
+                c = 2.0 * np.pi * (c - np.rint(c))
+                phasors[quad, part, line, 0] = np.cos(c)
+                phasors[quad, part, line, 1] = np.sin(c)
+
+
+@njit(parallel=True)
+def merge(images, n_lines, starts, weights, taps, phasors, total, n_range):
+    """Sum the lines of all parts; arrays but `starts` are addresses, `phasors` have a shape.
+
+    `phasors` is (address, parts), `total` (lines, 2, n_range) float32.
+    """
+    place, n_parts = phasors
+    for block in numba.prange(n_range // LANES):
+        for quad in range(len(starts)):
+            sum_parts(images + (block * n_parts * n_lines + starts[quad]) * _BLOCK_BYTES,
+                      n_lines * _BLOCK_BYTES, n_parts, weights + quad * len(taps) * QUAD * 4, taps,
+                      place + quad * n_parts * QUAD * 8,
+                      total + 4 * (quad * QUAD * 2 * n_range + block * LANES), n_range * 4)
+
+
+class GroupImages:
+    """Adds echoes to a map by a plan of groups.
+
+    Parameters
+    ----------
+    plan : GroupPlan
+        How.
+    wavelength_m : float
+        Of the carrier.
+    memory : WorkSpace
+        Shared with other plans whose echoes are added in turn.
+    """
+
+    def __init__(self, plan: GroupPlan, wavelength_m: float, memory: WorkSpace):
+        self._plan, self._memory = plan, memory
+        self._maps = [_Map(one, plan.window, 2 / wavelength_m, memory) for one in plan.maps]
+        self._rest = [(corner, ImagePoints.of_grid(grid)) for corner, grid in plan.rest]
+
+    def add(self, samples, tx_m, rx_m, image) -> None:
+        """Add echoes to an image, see `backends.protocol.Backprojection`."""
+        for one in self._maps:
+            one.add(samples, _part_of(image, one.plan.corner, one.plan.grid.shape))
+        for corner, points in self._rest:
+            part = np.zeros(points.shape, np.complex64)
+            project_points(self._plan.points, [points], samples, tx_m, rx_m,
+                           part.reshape(-1).view(np.float32), self._memory)
+            onto = _part_of(image, corner, points.shape)
+            onto += part
+
+
+def _part_of(image, corner, shape):
+    row, column = corner
+    return image[row:row + shape[0], column:column + shape[1]]
+
+
+class _Map:
+    """A map, or a part of one, from groups."""
+
+    def __init__(self, plan: GroupedMap, window, cycles_per_m: float, memory: WorkSpace):
+        self.plan, self._memory, self._cycles_per_m = plan, memory, cycles_per_m
+        self._profiles = Profiles(window, plan.lattice, plan.range_m, memory)
+        self._phase_range_m = window.phase_range_m
+        self._repeats = np.zeros((len(plan.tx), 2), np.uint8)
+        self._repeats[1:, 0] = (plan.tx[1:] == plan.tx[:-1]).all(axis=1)
+        self._repeats[:, 1] = plan.tx is plan.rx or (plan.tx == plan.rx).all(axis=1)
+        self._cycles = plan.frequency / (2 * np.pi)
+        self._weights = plan.parts.weights.astype(np.float64)
+        self._axes = plan.grid.x_m, plan.grid.y_m
+
+    def add(self, samples, image) -> None:
+        done, cells = 0, None
+        for number, group in enumerate(self.plan.groups):
+            lines, edges = self._lines(number), self._edges(group)
+            part = 0
+            while part < len(edges) - 1:
+                if edges[part] >= done:
+                    done = self._until(number, edges, part)
+                    cells = self._cells(samples, int(edges[part]), done)
+                end = int(np.searchsorted(edges, done, 'right')) - 1
+                self._form(cells, edges, part, end, number, lines)
+                part = end
+            total = self._merged(number, lines)
+            group_to_map(total, group, self._axes, self.plan, self._cycles_per_m, image)
+
+    def _edges(self, group) -> np.ndarray:
+        """First echo of each part, and the end of the last."""
+        n = self.plan.n_parts
+        return group['first'] + np.arange(n + 1) * (group['end'] - group['first']) // n
+
+    def _until(self, number: int, edges, part: int) -> int:
+        """End of the echoes that are resampled together: whole groups, or whole parts of one."""
+        per_echo = 4 * self.plan.lattice.interpolator.n_planes * (
+            self.plan.lattice.n_phases * self._profiles.n_cells)
+        most = edges[part] + max(1, numba.get_num_threads() * _CHUNK_BYTES // per_echo)
+        ends = self.plan.groups['end'][number:]
+        if part == 0 and ends[0] <= most:
+            return int(ends[ends <= most][-1])
+        return int(max(edges[part + 1], edges[edges <= most][-1]))
+
+    def _cells(self, samples, first: int, end: int) -> Cells:
+        profiles, lattice = self._profiles, self.plan.lattice
+        planes = self._planes = profiles.planes(samples[first:end])
+        return Cells(planes.ctypes.data, first, *planes.shape[1:],
+                     profiles.range_at(lattice.segment), lattice.step_m, self._cycles_per_m,
+                     float(self._phase_range_m))
+
+    def _lines(self, number: int) -> PartLines:
+        plan, group, segment = self.plan, self.plan.groups[number], self.plan.lattice.segment
+        n_range, n_lines, dr = int(group['n_range']), int(group['n_coarse']), plan.lattice.spacing
+        middles = group['range_m'] + dr * (segment // 2 + segment * np.arange(
+            -(-n_range // segment)))
+        n_blocks = -(-n_lines // LINES)
+        alpha = group['coarse'] + group['coarse_spacing'] * np.arange(n_blocks * LINES)
+        geometry = self._memory('geometry', (len(middles), n_blocks, 7, LINES), np.float64)
+        line_geometry(middles, alpha, group['height_m'], group['least'], 0.5 * dr * segment,
+                      geometry)
+        images = self._memory('parts', (2 * n_range * n_lines * plan.n_parts,), np.float32)
+        return PartLines(alpha, n_lines, plan.n_parts, n_range, float(group['range_m']), dr,
+                         middles, geometry, images)
+
+    def _form(self, cells, edges, part: int, end: int, number: int, lines: PartLines) -> None:
+        n_tasks, segment = numba.get_num_threads(), self.plan.lattice.segment
+        work = PartWork(self._memory('sums', (n_tasks, 2 * LINES * segment), np.float32),
+                        self._memory('coefficients', (n_tasks, 14, LINES), np.float32),
+                        self._memory('paths', (n_tasks, 8, LINES), np.float64),
+                        self._memory('places', (n_tasks, LINES), np.int64),
+                        np.arange(segment, dtype=np.float32) - segment // 2)
+        parts = np.stack([edges[part:end], edges[part + 1:end + 1], np.arange(part, end)], axis=1)
+        counter = job_counter()
+        degrees = (0,) * (self.plan.lattice.interpolator.n_planes // 2 - 1)
+        form_parts(cells, degrees, self.plan.tx, self.plan.rx, self._repeats, parts,
+                   self._cycles[number], lines, work, counter.ctypes.data)
+
+    def _merged(self, number: int, lines: PartLines) -> np.ndarray:
+        """(n_alpha, 2, n_range) float32 sum of the parts, at baseband."""
+        plan, group = self.plan, self.plan.groups[number]
+        n_quads, n_taps = int(group['n_alpha']) // QUAD, plan.parts.n_taps
+        apart = (QUAD - 1) * group['alpha_spacing'] / group['coarse_spacing']
+        width = n_taps + (1 if apart < 1 else QUAD)
+        starts = np.empty(n_quads, np.int64)
+        weights = np.empty((n_quads, width, QUAD), np.float32)
+        phasors = np.empty((n_quads, plan.n_parts, QUAD, 2), np.float32)
+        part_weights(group, self._cycles[number], plan.parts.first, self._weights, starts, weights,
+                     phasors)
+        total = self._memory('polar image', (n_quads * QUAD, 2, lines.n_range), np.float32)
+        merge(lines.images.ctypes.data, lines.n_lines, starts, weights.ctypes.data, (0,) * width,
+              (phasors.ctypes.data, plan.n_parts), total.ctypes.data, lines.n_range)
+        return total

@@ -1,0 +1,888 @@
+"""Images from groups of echoes: how a map is divided among polar images around a track.
+
+A group of echoes is imaged on a polar grid around its own middle and interpolated to the map. Each
+group is divided into parts with a few lines each, which are interpolated to the lines of the
+group. On a polar grid around the middle of the whole aperture parts far from there would need many
+lines, and near the antenna all would: the more groups, the fewer lines, and the more often the map
+is added to. `group_geometry` has the formulas; the number of groups and parts is that with the
+least predicted time. Where no frame suits the map as a whole, its halves are tried in turn, and
+what remains is imaged point by point.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from ...geometry.grids import MapGrid
+from ...memory import IMAGE_BYTES
+from ...signal.radar import RadarParameters
+from ..costs import costs
+from ..echo_power import echo_powers
+from ..interpolators import (
+    Interpolator,
+    design_interpolator,
+    known_errors,
+    least_oversampling,
+    sufficient_interpolators,
+)
+from ..plan import EXACT_SHARES, PASSES_DB, Plan, error_budget, total_db
+from ..polar_cover import margin
+from ..profiles import RangeGate, RangeResampling, plan_point_resampling
+from ..transform_lengths import row_length
+from .group_geometry import (
+    LOBATTO,
+    SEEN,
+    Extents,
+    Frames,
+    Places,
+    bent_rows,
+    direction_slopes,
+    extents_of,
+    frames_of,
+    in_frames,
+    places_of,
+    range_derivatives,
+    slopes_beyond,
+)
+from .points import PointPlan, plan_even_points
+
+DEGREE = 5  # of interpolators between lines and along them
+#: Group of echoes as kernels take it: its echoes, its frame and its grids.
+GROUP = np.dtype([(name, np.int64) for name in (
+    'first', 'end', 'axis', 'n_alpha', 'n_range', 'n_coarse')] + [(name, np.float64) for name in (
+        'x_m', 'y_m', 'track_x', 'track_y', 'height_m', 'least', 'range_m', 'alpha',
+        'alpha_spacing', 'coarse', 'coarse_spacing')])
+QUAD, VECTOR = 4, 16  # lines that kernels sum together, and ranges of their longest vectors
+_SOME, _FEW = 33, 11  # echoes by which errors are predicted: of all groups, of each at least
+_SEEK = 5  # echoes of a group by which the number of groups is sought
+_WAVENUMBERS = 5  # of the band, at which errors are looked up
+_SLACK, _FINER = 1.01, 0.999
+_STEEP = 0.5  # height over the nearest range
+_MOST_ENDS = 0.6  # of a target, that ends of profiles may take
+_LEFT_DB = 1.0  # of what profiles may err, for expansions along segments
+_NEARER = 0.35  # of the taps: how far beside a pixel interpolators read with weight
+_BEGIN = 0.95  # of the least f / r of the map, where its continuation begins
+_SEGMENTS = (256, 128, 64, 32, 16)
+_LEAST_ECHOES = 4  # of a part
+_LEAST_SIDE = 40  # pixels of a part of a map
+_CHEAP = 0.5  # of the time by points: not worth dividing
+_WORTH_DIVIDING_NS = 1e8  # of time by points: twenty times what planning takes
+_MOST_GROUPS, _TRIES = 64, 3
+_MOST_PHASES, _COST_PHASE = 8, 1.5e-3  # positions within a cell; what one more takes, in segments
+_LEAST_RANGE = 0.2  # of a polar grid, over that of the map
+_SEGMENT, _USUAL_PHASES, _COARSER = 64, 2, 1.05  # what costs are sought with
+
+
+class Lengths(NamedTuple):
+    """Lengths of interpolators that an error needs.
+
+    Attributes
+    ----------
+    degree : int
+        Degree of the polynomials of the profiles.
+    taps, part_taps : int
+        Neighbours of each pass to the map, and between lines of parts.
+    """
+
+    degree: int
+    taps: int
+    part_taps: int
+
+
+#: By the error above which they are the quickest, dB.
+LENGTHS = {-50.0: Lengths(2, 8, 6), -68.0: Lengths(3, 10, 8), -math.inf: Lengths(4, 14, 10)}
+
+
+def lengths_for(target_db: float) -> Lengths:
+    """Lengths with which images at an error are quickest."""
+    return next(lengths for least, lengths in LENGTHS.items() if target_db > least)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class GroupedMap:
+    """A map, or a part of one, that is imaged from groups of echoes.
+
+    Attributes
+    ----------
+    grid : MapGrid
+        Its pixels.
+    corner : (int, int)
+        Row and column of its first pixel in the whole map.
+    groups : (G,) GROUP
+        Groups, in order.
+    frequency : (G, P) float64
+        Middle of the band of each part's image along direction, radians per unit of alpha.
+    tx, rx : (E, 3) float64
+        X, Y and c of the echoes in the frame of their group, see `group_geometry`.
+    lattice : RangeResampling
+        How lines read the profiles.
+    range_m : (float, float)
+        Least and largest half path that is read, metres.
+    between, along, parts : Interpolator
+        Between lines of a group and along them, to the map; and between lines of parts.
+    errors_db : mapping of str to float
+        Predicted error by cause, dB.
+    cost : float
+        Nanoseconds of the image.
+    """
+
+    grid: MapGrid
+    corner: tuple[int, int]
+    groups: np.ndarray
+    frequency: np.ndarray
+    tx: np.ndarray
+    rx: np.ndarray
+    lattice: RangeResampling
+    range_m: tuple[float, float]
+    between: Interpolator
+    along: Interpolator
+    parts: Interpolator
+    errors_db: Mapping[str, float]
+    cost: float
+
+    @property
+    def n_parts(self) -> int:
+        """Parts of each group."""
+        return self.frequency.shape[1]
+
+    @property
+    def operations(self) -> dict[str, float]:
+        """How often the operations of `CostModel` are done."""
+        g, n_echoes = self.groups, len(self.tx)
+        lattice, taps = self.lattice, (self.parts.n_taps, self.along.n_taps)
+        counts = _counts(self.grid, g, g['end'] - g['first'], g['n_coarse'], self.n_parts,
+                         lattice.segment, lattice.interpolator.n_planes, taps,
+                         crossed_lines(self))
+        return {name: float(np.sum(n)) for name, n in counts.items()} | {
+            'profile_bin': n_echoes * lattice.n_padded,
+            'profile_cell': n_echoes * lattice.n_cells * lattice.n_phases}
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory that adding the echoes takes besides the image, bytes."""
+        g = self.groups
+        return IMAGE_BYTES * int((g['n_range'] * (g['n_alpha'] + self.n_parts * g['n_coarse'])
+                                  ).max())
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class GroupPlan(Plan):
+    """How echoes are added to a map group by group.
+
+    Attributes
+    ----------
+    maps : tuple of GroupedMap
+        The map, or parts of it.
+    rest : tuple of ((int, int), MapGrid)
+        Corners and pixels of the parts that are imaged point by point.
+    points : PointPlan or None
+        How these are.
+    window : RangeGate
+        Part of the profiles that is needed.
+    cost : float
+        Nanoseconds per pixel of the whole map.
+    """
+
+    maps: tuple[GroupedMap, ...]
+    rest: tuple[tuple[tuple[int, int], MapGrid], ...]
+    points: PointPlan | None
+    window: RangeGate
+    errors_db: Mapping[str, float]
+    cost: float
+
+    method = 'groups'
+
+    @property
+    def lattice(self) -> RangeResampling:
+        """How profiles are read, of the first part of the map."""
+        return self.maps[0].lattice
+
+    def operations(self, grid: MapGrid, n_echoes: int) -> dict[str, float]:
+        """How often the operations of `CostModel` are done."""
+        found = [one.operations for one in self.maps]
+        found += [self.points.operations(grid, n_echoes) for _, grid in self.rest]
+        names = {name: None for counts in found for name in counts}
+        return {name: sum(counts.get(name, 0.0) for counts in found) for name in names} | {
+            'image': 1}
+
+    def n_bytes(self, grid: MapGrid) -> int:
+        """Memory that adding the echoes takes besides the image, bytes."""
+        return max(one.n_bytes for one in self.maps) + sum(
+            IMAGE_BYTES * math.prod(grid.shape) for _, grid in self.rest)
+
+    def __str__(self) -> str:
+        counts = sorted({len(one.groups) for one in self.maps})
+        n = f'{counts[0]} to {counts[-1]}' if len(counts) > 1 else f'{counts[0]}'
+        parts = sorted({one.n_parts for one in self.maps})
+        p = f'{parts[0]} to {parts[-1]}' if len(parts) > 1 else f'{parts[0]}'
+        text = (f'pulses are added in {n} group{"s" * (n != "1")}, whose polar images of {p} '
+                f'part{"s" * (p != "1")} each are interpolated to the map')
+        share = 1 - sum(math.prod(grid.shape) for _, grid in self.rest) / (
+            sum(math.prod(one.grid.shape) for one in self.maps)
+            + sum(math.prod(grid.shape) for _, grid in self.rest))
+        return text if not self.rest else (
+            f'{text} over {100 * share:.0f} % of it; elsewhere point by point')
+
+
+# What takes as long as so many coefficients of a pixel, or lines that it is made of: its phasor.
+_PHASOR_COEFFICIENTS, _PHASOR_TAPS = 5, 4
+
+
+def _counts(grid: MapGrid, sizes, n_echoes, n_lines, n_parts, segment: int, n_planes: int,
+            taps: tuple[int, int], crossed) -> dict:
+    """(G, ...) operations of each group but for the profiles.
+
+    `sizes` has ``n_alpha``, ``n_range`` and ``axis`` of the groups, `crossed` is as of
+    `crossed_lines`.
+    """
+    n_range, n_alpha, axis = (sizes[name] for name in ('n_range', 'n_alpha', 'axis'))
+    lines = n_echoes * n_lines
+    rows = np.where(axis == 0, grid.n_y, grid.n_x)
+    return {'part_coefficient': lines * n_range * (n_planes + _PHASOR_COEFFICIENTS),
+            'part_segment': lines * -(-n_range // segment),
+            'summed_tap': n_parts * n_alpha * n_range * (taps[0] + _PHASOR_TAPS),
+            'grouped_pixel': np.full(n_range.shape, math.prod(grid.shape)),
+            'grouped_tap': taps[1] * rows * n_range * crossed, 'group': np.ones(n_range.shape)}
+
+
+def crossed_lines(one: GroupedMap) -> np.ndarray:
+    """(G,) lines that the ranges of a vector start from, as rows of the map cross them."""
+    frames = Frames(np.stack([one.groups['x_m'], one.groups['y_m'],
+                              one.grid.z_m + one.groups['height_m']], axis=1),
+                    np.stack([one.groups['track_x'], one.groups['track_y']], axis=1),
+                    np.stack([-one.groups['track_y'], one.groups['track_x']], axis=1),
+                    one.groups['height_m'], one.groups['axis'])
+    return _crossed(places_of(one.grid, frames), one.lattice.spacing, one.groups['alpha_spacing'])
+
+
+def _crossed(places: Places, spacing, alpha_spacing) -> np.ndarray:
+    return 1 + 0.5 * VECTOR * np.abs(places.by_range).mean(axis=1) * spacing / alpha_spacing
+
+
+class _Unsuited(Exception):
+    """Groups do not suit a map."""
+
+
+class Echoes:
+    """Echoes of a radar that are divided into groups.
+
+    Parameters
+    ----------
+    tx_m, rx_m : (E, 3) float64
+        Phase centres, metres.
+    radar : RadarParameters
+        Radar parameters of their profiles.
+    window : RangeGate
+        Part of these that is needed.
+    target_db : float
+        Wanted error, dB.
+    """
+
+    def __init__(self, tx_m, rx_m, radar: RadarParameters, window: RangeGate, target_db: float):
+        same = tx_m is rx_m or np.array_equal(tx_m, rx_m)
+        self.paths = [tx_m] if same else [tx_m, rx_m]
+        self.centres_m = tx_m if same else 0.5 * (tx_m + rx_m)
+        self.radar, self.window, self.lengths = radar, window, lengths_for(target_db)
+        budget = error_budget(target_db, EXACT_SHARES)
+        self.target, self.profiles_db = 10 ** (target_db / 10), budget['range profiles'] - _LEFT_DB
+        self.parts_db = budget['azimuth upsampling']
+        self.pass_db = budget['polar to map'] - PASSES_DB
+        self.points = plan_point_resampling(radar, window.n_samples, target_db)
+        low, high = radar.wavenumbers_rad_per_m
+        self.wavenumbers = low + (high - low) * LOBATTO[_WAVENUMBERS][0]
+
+    def __len__(self) -> int:
+        return len(self.centres_m)
+
+    def edges(self, n_groups: int) -> np.ndarray:
+        """(G + 1,) first echo of each group, and their number."""
+        return np.arange(n_groups + 1) * len(self) // n_groups
+
+    def weights(self, grid: MapGrid) -> np.ndarray:
+        """(W, E) shares of the echoes in the power of an image, see `echo_powers`."""
+        sides = grid.spacing_m * np.array([[grid.n_x, 0, 0], [0, grid.n_y, 0]])
+        return echo_powers(self.paths[0], self.paths[-1], grid.centre_m, sides, self.radar)
+
+    def lattice(self, pitch_m: float, slopes: tuple[float, float]) -> RangeResampling:
+        """How lines read the profiles: ranges `pitch_m` apart or less.
+
+        `slopes` are the least and the largest derivative of a half path by range.
+        """
+        window, radar, errors = self.window, self.radar, _profile_errors(self.lengths.degree)
+        middle, spacing = 0.5 * sum(slopes), window.radar.sample_spacing_m
+        n_padded, best, least = row_length(window.n_samples), None, math.inf
+        for phases in range(1, _MOST_PHASES + 1):
+            n_cells = row_length(math.ceil(n_padded * spacing / (pitch_m * middle)), (phases,))
+            step = n_padded * spacing / (n_cells * phases)
+            oversampling = radar.range_resolution_m / step
+            row = errors[max(min(int(10 * oversampling + 1e-9), 39) - 13, 0)]
+            if oversampling < 1.3 or row[0] > self.profiles_db:
+                continue
+            drift = max(abs(s / middle - 1) for s in slopes) * phases
+            for segment in _SEGMENTS:
+                margin = max(0, math.ceil((drift * segment / 2 - 0.03) / 0.05 - 1e-9))
+                cost = 1 / segment + _COST_PHASE * phases
+                if margin < len(row) and row[margin] <= self.profiles_db:
+                    if cost < least:
+                        least, best = cost, RangeResampling(
+                            n_padded, n_cells, phases, segment, step, step * phases / middle,
+                            design_interpolator(min(int(10 * oversampling + 1e-9), 39) / 10,
+                                                0.05 * margin + 0.03, degree=self.lengths.degree),
+                            row[margin])
+                    break
+        if best is None:
+            raise _Unsuited
+        return best
+
+
+class Survey:
+    """Local frequencies of the images of groups on a map, and how finely these are sampled.
+
+    Parameters
+    ----------
+    echoes : Echoes
+        All of them.
+    grid : MapGrid
+        The map.
+    first, end : (G,) int64
+        Echoes of each group.
+    seek : bool
+        A few of them will do.
+
+    Attributes
+    ----------
+    fine : (G,) bool
+        Groups whose frame suits the map.
+    """
+
+    def __init__(self, echoes: Echoes, grid: MapGrid, first, end, *, seek: bool = False):
+        self.echoes, self.grid, self.n_echoes = echoes, grid, end - first
+        if seek:
+            number = (first[:, None] + _evenly(end - first, _SEEK)).ravel()
+            self.starts = np.arange(len(first)) * (len(number) // len(first))
+        else:
+            number, self.starts = slice(None), first
+        centres_m = echoes.centres_m[number]
+        self.counts = np.diff(self.starts, append=len(centres_m))
+        self.frames = frames_of(grid, centres_m, self.starts)
+        self.centres = [in_frames(self.frames, p[number], self.starts) for p in echoes.paths]
+        self.places = places_of(grid, self.frames, 3 if seek else 5)
+        self._order = 1 if seek else 4
+        self.fine = self.places.seen.copy()
+        self.some = self.starts[:, None] + _evenly(
+            self.counts, max(_FEW, _SOME // len(first)))
+        weight = np.ones((1, len(centres_m))) if seek else echoes.weights(grid)
+        self._weight = weight[:, self.some]
+        with np.errstate(divide='ignore', invalid='ignore'):
+            self._sample()
+
+    def _sample(self) -> None:
+        """Spacings of ranges and directions, and the interpolators of both passes to the map."""
+        places, db, taps = self.places, self.echoes.pass_db, self.echoes.lengths.taps
+        k, carrier = self.echoes.wavenumbers, self.echoes.radar.wavenumber_rad_per_m
+        slopes = self.slopes = direction_slopes(places, self.centres, self.starts)
+        self.by_range = range_derivatives(places, self.centres, self.some, self._order)
+        few = self.few = slopes[self.some]
+        rows = self.rows = self.by_range[1] + few * places.by_range[:, None]
+        self.fine &= self.by_range[1].min(axis=(1, 2)) > 0
+        if not self.fine.any():
+            raise _Unsuited
+        half = self._half = _SLACK * np.maximum(np.abs(few).max(axis=(1, 2)) * k[-1], 1e-9)
+        half_range = _SLACK * _off_carrier(rows, k, carrier)
+        self.between = self.fitting(_times(k, few), half, db, taps)
+        self.along = self.fitting(_times(k, rows) - carrier, half_range, db, taps)
+        self.alpha_spacing = np.pi / (half * self.between.oversampling)
+        self.pitch_m = _FINER * np.pi / (half_range * self.along.oversampling)
+        for _ in range(3):  # rows are read nearer than their pixels, where directions change more
+            bent, reached = bent_rows(self.frames, places, _NEARER * taps * self.pitch_m)
+            self.fine &= reached
+            there = _SLACK * _off_carrier(rows + few * bent[:, None], k, carrier)
+            wanted = _FINER * np.pi / (np.maximum(there, half_range) * self.along.oversampling)
+            if (self.pitch_m <= _SLACK * wanted)[self.fine].all():
+                break
+            self.pitch_m = np.minimum(self.pitch_m, 0.5 * (self.pitch_m + wanted))
+
+    def fitting(self, frequency, half, wanted_db: float, taps: int) -> Interpolator:
+        """Interpolator that reads frequencies (K, G, Q, S) up to `half`, (G,), well."""
+        even = frequency / (2 * half[:, None, None])
+        for found in sufficient_interpolators(wanted_db, taps=taps, degree=DEGREE):
+            # much of the power may lie where the band ends
+            if self.error_db(found, even / found.oversampling) <= wanted_db:
+                return found
+        raise _Unsuited
+
+    def passes_db(self, alpha_spacing, spacing: float) -> tuple[float, float]:
+        """Errors between lines and along them as they lie in the end, dB."""
+        k, carrier = self.echoes.wavenumbers, self.echoes.radar.wavenumber_rad_per_m
+        return (self.error_db(self.between, _times(k, self.few) * (
+            alpha_spacing / (2 * np.pi))[:, None, None]),
+            self.error_db(self.along, (_times(k, self.rows) - carrier) * (spacing / (2 * np.pi))))
+
+    def error_db(self, interpolator: Interpolator, frequency) -> float:
+        """Mean error of frequencies (K, G, Q, S), cycles per sample, of groups that suit, dB."""
+        error = interpolator.error_at(frequency[:, self.fine])
+        weight = LOBATTO[len(error)][1]
+        return 10 * math.log10(self.mean(weight @ error.reshape(len(error), -1)) + 1e-16)
+
+    def mean(self, values) -> float:
+        """Mean of values of groups that suit, echoes that are looked at, and places."""
+        n = self.slopes.shape[1]
+        side = LOBATTO[math.isqrt(n)][1]
+        by_echo = values.reshape(-1, n) @ np.multiply.outer(side, side).ravel()
+        weight = (self._weight * _ends_halved(self.some.shape[1]))[:, self.fine].reshape(
+            len(self._weight), -1)
+        return float((weight @ by_echo / weight.sum(axis=1)).max())
+
+    def slope_bounds(self, groups) -> tuple[float, float]:
+        """Least and largest derivative of half paths by range, of some groups."""
+        slope = self.by_range[1][groups]
+        return float(slope.min()), float(slope.max())
+
+
+@functools.cache
+def _ends_halved(n: int) -> np.ndarray:
+    """(n,) weights of the trapezoidal rule, of sum 1."""
+    weight = np.ones(n)
+    weight[[0, -1]] = 0.5
+    return weight / weight.sum()
+
+
+def _times(k, slope) -> np.ndarray:
+    return np.multiply.outer(k, slope)
+
+
+def _off_carrier(slope, k, carrier) -> np.ndarray:
+    """(G,) largest frequency of slopes (G, Q, S) by range, less that of the carrier."""
+    ends = np.stack([slope.min(axis=(1, 2)), slope.max(axis=(1, 2))])
+    return np.abs(np.multiply.outer(k[[0, -1]], ends) - carrier).max(axis=(0, 1))
+
+
+def _evenly(counts, n: int) -> np.ndarray:
+    """(G, n or fewer) numbers below counts, (G,), the first and the last among them."""
+    n = min(n, int(counts.min()))
+    return ((counts[:, None] - 1) * np.arange(n) + (n - 1) // 2) // max(n - 1, 1)
+
+
+class Grids:
+    """Polar grids of surveyed groups.
+
+    Parameters
+    ----------
+    survey : Survey
+        The groups; those whose rows do not reach where they are read suit no more.
+    spacing : (G,) float64
+        Of the ranges, metres.
+
+    Attributes
+    ----------
+    range_m, alpha : (G,) float64
+        First range, metres, and first direction.
+    alpha_spacing, n_alpha, n_range, extent : (G,)
+        Of the lines; `extent` from the first to the last.
+    """
+
+    def __init__(self, survey: Survey, spacing):
+        self._survey, self.spacing, taps = survey, spacing, survey.echoes.lengths.taps
+        edge = margin(taps)
+        self.extents: Extents = extents_of(survey.grid, survey.frames, edge * spacing)
+        self.least = _BEGIN * self.extents.least
+        survey.fine &= self.extents.reached & (self.extents.least > SEEN) & ~self._steep()
+        ends, ranges = self.extents.alpha, self.extents.range_m
+        spacing_alpha = np.minimum(survey.alpha_spacing, np.maximum(np.ptp(ends, axis=1), 1e-6))
+        for _ in range(3):  # lines beside the map are read, too, where frequencies are higher
+            there = self.beside(_NEARER * taps * spacing_alpha, self.extents.corner_m)
+            top = np.maximum.reduceat(np.abs(there).max(axis=1), survey.starts)
+            wanted = np.pi / (np.maximum(_SLACK * top * survey.echoes.wavenumbers[-1],
+                                         np.pi / (survey.alpha_spacing
+                                                  * survey.between.oversampling))
+                              * survey.between.oversampling)
+            if (spacing_alpha <= _SLACK * wanted)[survey.fine].all():
+                break
+            spacing_alpha = np.clip(wanted, 0.5 * spacing_alpha, spacing_alpha)
+        self.alpha_spacing = spacing_alpha
+        self.n_alpha = _whole(np.ptp(ends, axis=1) / spacing_alpha, 2 * edge + 1, QUAD)
+        self.n_range = _whole(np.ptp(ranges, axis=1) / spacing, 2 * edge + 1, VECTOR)
+        self.alpha, self.range_m = (ends[:, 0] - edge * spacing_alpha,
+                                    ranges[:, 0] - edge * spacing)
+        self.extent = (self.n_alpha - 1) * spacing_alpha
+        survey.fine &= self.range_m > _LEAST_RANGE * ranges[:, 0]
+
+    def _steep(self) -> np.ndarray:
+        """(G,) bent groups high above the nearest pixels, whose errors were 5 dB above predicted.
+
+        The continuation beside the map ends too near to it there.
+        """
+        survey = self._survey
+        bend_m = np.maximum.reduceat(np.abs(survey.centres[0][:, 1]), survey.starts)
+        return ((np.abs(survey.frames.height_m) > _STEEP * self.extents.range_m[:, 0])
+                & (bend_m * survey.echoes.wavenumbers[-1] > 1.0))
+
+    def beside(self, away, corner_m) -> np.ndarray:
+        """(E, 2) slopes by direction so far, (G,), beside the map on either side."""
+        ends = self.extents.alpha + away[:, None] * np.array([-1.0, 1.0])
+        survey = self._survey
+        return slopes_beyond(np.stack([corner_m, ends], axis=-1), survey.centres, survey.counts,
+                             survey.frames, self.least)
+
+
+def _whole(sizes, more: int, step: int) -> np.ndarray:
+    """(G,) int64 multiples of a step that hold sizes (G,) and more."""
+    sizes = np.ceil(np.nan_to_num(np.minimum(sizes, 1e9), nan=1e9)).astype(np.int64) + more
+    return -(-sizes // step) * step
+
+
+class Bands:
+    """Bands of the images of parts along direction.
+
+    Parameters
+    ----------
+    survey, grids : Survey, Grids
+        The groups and their grids.
+    starts : (P,) int64
+        First of the looked-at echoes of each part.
+    of_group : (G,) int64
+        First part of each group.
+    wider : (G,) float64
+        By how much parts are wider than the echoes that are looked at tell, radians per unit of
+        alpha.
+    """
+
+    def __init__(self, survey: Survey, grids: Grids, starts, of_group, wider):
+        self._survey, self._grids, self._starts = survey, grids, starts
+        self._of_group, self._wider = of_group, wider
+        self.low, self.high = _band(survey.slopes, survey.echoes.wavenumbers)
+        low, high = self._ends(self.low, self.high)
+        self.middle = 0.5 * (low + high)
+        self.half = self._widest(low, high)
+
+    def _ends(self, low, high):
+        return (np.minimum.reduceat(low, self._starts), np.maximum.reduceat(high, self._starts))
+
+    def _widest(self, low, high) -> np.ndarray:
+        return _SLACK * (np.maximum.reduceat(0.5 * (high - low), self._of_group) + self._wider)
+
+    def beyond(self, oversampling: float) -> np.ndarray:
+        """(G,) half bands that hold what lines beside the map read, too.
+
+        These lie the further off the coarser they are. Groups for which that does not end suit no
+        more.
+        """
+        survey, grids = self._survey, self._grids
+        half = np.maximum(self.half, 1e-9)
+        for _ in range(6):
+            away = 0.5 * survey.echoes.lengths.part_taps * np.pi / (half * oversampling)
+            there = np.concatenate([grids.beside(share * away, grids.extents.corner_m)
+                                    for share in (0.5, 1.0)], axis=1)
+            low, high = _band(there, survey.echoes.wavenumbers)
+            reached = self._widest(*self._ends(np.minimum(low, self.low),
+                                               np.maximum(high, self.high)))
+            more = reached > 1.02 * half
+            if not more[survey.fine].any():
+                break
+            half = np.where(more, np.sqrt(half * np.minimum(reached, 16 * half)), half)
+        survey.fine &= reached <= 1.1 * half
+        return half
+
+
+def _band(slopes, k) -> tuple[np.ndarray, np.ndarray]:
+    """(E,) least and largest frequency of slopes (E, S)."""
+    low, high = slopes.min(axis=1), slopes.max(axis=1)
+    return np.minimum(k[0] * low, k[-1] * low), np.maximum(k[0] * high, k[-1] * high)
+
+
+def _seek(echoes: Echoes, grid: MapGrid) -> Iterator[tuple[int, int]]:
+    """Numbers of groups, and of the parts of each, that suit, the quickest first."""
+    counts = [1]
+    while counts[-1] < _MOST_GROUPS and 16 * counts[-1] <= len(echoes):
+        counts.append(2 * counts[-1])
+    found: list[tuple[float, int, int]] = []
+    for some in (counts[:5], counts[5:]):  # more groups only where the most of few are best
+        if some and (not found or min(found)[1] == counts[4]):
+            found += _costs_of(echoes, grid, some)
+    for _, n_groups, n_parts in sorted(found):
+        yield n_groups, n_parts
+
+
+def _costs_of(echoes: Echoes, grid: MapGrid, counts) -> list[tuple[float, int, int]]:
+    """Predicted nanoseconds, number of groups and of parts, of those counts that suit."""
+    edges = [echoes.edges(count) for count in counts]
+    first, end = (np.concatenate([e[cut] for e in edges])
+                  for cut in (slice(None, -1), slice(1, None)))
+    count_of = np.cumsum([0, *counts[:-1]])  # first group of each count
+    try:
+        survey = Survey(echoes, grid, first, end, seek=True)
+    except _Unsuited:
+        return []
+    with np.errstate(divide='ignore', invalid='ignore'):
+        return _priced(survey, np.array(counts), count_of)
+
+
+def _priced(survey: Survey, counts, count_of) -> list[tuple[float, int, int]]:
+    echoes, k = survey.echoes, survey.echoes.wavenumbers
+    grids = Grids(survey, np.repeat(np.minimum.reduceat(survey.pitch_m, count_of), counts))
+    least = least_oversampling(echoes.parts_db, echoes.lengths.part_taps, DEGREE) * _COARSER
+    low, high = _band(survey.slopes, k)
+    spread = np.maximum.reduceat(0.5 * (high - low), survey.starts)
+    varied = k[-1] * (np.maximum.reduceat(survey.slopes, survey.starts)
+                      - np.minimum.reduceat(survey.slopes, survey.starts)).max(axis=1)
+    n_parts = _numbers(int(survey.n_echoes.max()) // _LEAST_ECHOES)
+    half = _SLACK * (spread[:, None] + 0.5 * varied[:, None] / n_parts)
+    n_lines = _lines(grids.extent[:, None], half * least, echoes.lengths.part_taps)
+    cost = _group_cost(survey, grids, n_lines, n_parts)
+    cost[(n_parts > 1) & (n_parts * _LEAST_ECHOES > survey.n_echoes[:, None])] = np.inf
+    chosen = np.add.reduceat(cost, count_of).argmin(axis=1)
+    parts = np.repeat(n_parts[chosen], counts)
+    all_starts = np.arange(len(survey.slopes))
+    bands = Bands(survey, grids, all_starts, survey.starts, 0.5 * varied / parts)
+    n_lines = _lines(grids.extent, bands.beyond(least) * least, echoes.lengths.part_taps)
+    cost = _group_cost(survey, grids, n_lines[:, None], parts[:, None])[:, 0]
+    spacing = np.minimum.reduceat(survey.pitch_m, count_of)
+    total = np.add.reduceat(cost, count_of) + _profile_cost(echoes, spacing)
+    fine = np.logical_and.reduceat(survey.fine, count_of)
+    return [(float(t), int(n), int(p)) for t, n, p, ok in zip(
+        total, counts, n_parts[chosen], fine, strict=True) if ok]
+
+
+def _numbers(most: int) -> np.ndarray:
+    """Numbers of parts to choose from, 1 to at most `most`."""
+    found = [1]
+    while found[-1] < most:
+        found.append(math.ceil(1.35 * found[-1]))
+    return np.array([n for n in found if n <= max(most, 1)])
+
+
+def _lines(extent, samples, taps: int):
+    """Lines of a part over an extent; `samples` are radians per unit of direction, resolved."""
+    return np.ceil(extent * samples / np.pi) + taps + 3
+
+
+def _group_cost(survey: Survey, grids: Grids, n_lines, n_parts) -> np.ndarray:
+    """(G, M) nanoseconds of groups by lines and numbers of parts, but for the profiles."""
+    crossed = _crossed(survey.places, grids.spacing, grids.alpha_spacing)[:, None]
+    lengths = survey.echoes.lengths
+    sizes = {'n_range': grids.n_range[:, None], 'n_alpha': grids.n_alpha[:, None],
+             'axis': survey.frames.axis[:, None]}
+    return costs().nanoseconds(_counts(
+        survey.grid, sizes, survey.n_echoes[:, None], n_lines, n_parts, _SEGMENT,
+        2 * (lengths.degree + 1), (lengths.part_taps, lengths.taps), crossed))
+
+
+def _profile_cost(echoes: Echoes, spacing) -> np.ndarray:
+    """Nanoseconds of the profiles, by the spacing of ranges."""
+    n = echoes.window.n_samples
+    cells = n * echoes.radar.sample_spacing_m / spacing * _USUAL_PHASES
+    return costs().nanoseconds({'profile_bin': len(echoes) * n,
+                                'profile_cell': len(echoes) * cells})
+
+
+def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, range_m,
+                target_db: float, numbers: tuple[int, int] | None = None) -> GroupPlan | None:
+    """Plan the image of a map from groups of echoes.
+
+    Parameters
+    ----------
+    grid, radar, n_samples, tx_m, rx_m, target_db :
+        As for `plan_backprojection`.
+    range_m : (float, float)
+        Bounds of the half paths to all pixels, metres.
+    numbers : (int, int), optional
+        Groups, and parts of each, for the map as a whole; the quickest if left out.
+
+    Returns
+    -------
+    GroupPlan or None
+        None where points are as quick, or no part of the map lies ahead of a group.
+    """
+    taps = lengths_for(target_db).taps
+    slack = 2 * margin(taps) * radar.range_resolution_m
+    window = RangeGate.around(radar, n_samples, (range_m[0] - slack, range_m[1] + slack))
+    echoes = Echoes(tx_m, rx_m, radar, window, target_db)
+    if numbers is None:
+        maps, rest = _divided(echoes, grid, (0, 0))
+    else:
+        maps, rest = [one for one in [_grouped(echoes, grid, (0, 0), [numbers])] if one], []
+    if not maps:
+        return None
+    points = None
+    if rest:
+        points = plan_even_points(grid, radar, n_samples, tx_m, rx_m, range_m, target_db)
+    n_pixels = math.prod(grid.shape)
+    shares = [(one.errors_db, math.prod(one.grid.shape) / n_pixels) for one in maps]
+    shares += [(points.errors_db, math.prod(part.shape) / n_pixels) for _, part in rest]
+    cost = sum(one.cost for one in maps) + sum(_point_cost(echoes, part) for _, part in rest)
+    return GroupPlan(tuple(maps), tuple(rest), points, window, _mean_errors(shares),
+                     cost / n_pixels)
+
+
+def _mean_errors(shares) -> dict[str, float]:
+    """Errors of a map by cause from those of its parts and their shares, dB."""
+    causes = {cause: None for errors, _ in shares for cause in errors}
+    mean = {cause: sum(share * 10 ** (errors.get(cause, -math.inf) / 10)
+                       for errors, share in shares) for cause in causes}
+    return {cause: 10 * math.log10(error) if error > 0 else error * math.nan or -math.inf
+            for cause, error in mean.items()}
+
+
+def _point_cost(echoes: Echoes, grid: MapGrid) -> float:
+    """Nanoseconds of an image point by point."""
+    return costs().nanoseconds(echoes.points.operations(len(echoes), math.prod(grid.shape)))
+
+
+def _divided(echoes: Echoes, grid: MapGrid, corner):
+    """Parts of a map from groups, and the rest, each with its corner."""
+    points = _point_cost(echoes, grid)
+    whole = _grouped(echoes, grid, corner)
+    best = [[whole], []] if whole is not None and whole.cost < points else [[], [(corner, grid)]]
+    cost = whole.cost if best[0] else points
+    if cost < _CHEAP * points or points < _WORTH_DIVIDING_NS or max(grid.shape) < 2 * _LEAST_SIDE:
+        return best
+    halves = [_divided(echoes, *half) for half in _halves(grid, corner)]
+    maps, rest = (sum(found, []) for found in zip(*halves, strict=True))
+    divided = sum(one.cost for one in maps) + sum(_point_cost(echoes, part) for _, part in rest)
+    return (maps, rest) if divided < cost else best
+
+
+def _halves(grid: MapGrid, corner):
+    """Halves of a map along its longer side, and their corners."""
+    (row, column), (x, y) = corner, (grid.x_m, grid.y_m)
+    if grid.n_x >= grid.n_y:
+        n = grid.n_x // 2
+        cuts = ((0, grid.n_y), (0, n)), ((0, grid.n_y), (n, grid.n_x))
+    else:
+        n = grid.n_y // 2
+        cuts = ((0, n), (0, grid.n_x)), ((n, grid.n_y), (0, grid.n_x))
+    for (r0, r1), (c0, c1) in cuts:
+        centre = 0.5 * (x[c0] + x[c1 - 1]), 0.5 * (y[r0] + y[r1 - 1]), grid.z_m
+        yield MapGrid(centre, c1 - c0, r1 - r0, grid.spacing_m), (row + r0, column + c0)
+
+
+def _grouped(echoes: Echoes, grid: MapGrid, corner, numbers=None) -> GroupedMap | None:
+    """The quickest grouping that suits, or the first of given ones; None where there is none."""
+    if min(grid.shape) < echoes.lengths.taps:
+        return None
+    for n_groups, n_parts in itertools.islice(numbers or _seek(echoes, grid), _TRIES):
+        try:
+            with np.errstate(divide='ignore', invalid='ignore'):
+                return _planned(echoes, grid, corner, n_groups, n_parts)
+        except _Unsuited:
+            continue
+    return None
+
+
+def _planned(echoes: Echoes, grid: MapGrid, corner, n_groups: int, n_parts: int) -> GroupedMap:
+    """So many groups of so many parts; _Unsuited where they do not suit or miss the target."""
+    edges = echoes.edges(n_groups)
+    survey = Survey(echoes, grid, edges[:-1], edges[1:])
+    slopes = survey.slope_bounds(slice(None))
+    lattice = echoes.lattice(survey.pitch_m.min(), slopes)
+    grids = Grids(survey, np.full(n_groups, lattice.spacing))
+    counts = survey.counts[:, None]
+    starts = survey.starts[:, None] + np.arange(n_parts) * counts // n_parts
+    bands = Bands(survey, grids, starts.ravel(), np.arange(n_groups) * n_parts, 0.0)
+    if not survey.fine.all():
+        raise _Unsuited
+    parts, half, parts_db = _between_parts(survey, bands, starts)
+    length = survey.by_range[0].reshape(-1, survey.slopes.shape[1])
+    ends_db = echoes.window.mean_end_error_db(
+        length, oversampling=lattice.oversampling(echoes.radar))
+    # profiles that end too near spoil all routes alike
+    known = [ends_db] if 10 ** (ends_db / 10) < _MOST_ENDS * echoes.target else []
+    passes_db = survey.passes_db(grids.alpha_spacing, lattice.spacing)
+    left = echoes.target - 10 ** (total_db(lattice.predicted_error_db, *passes_db, parts_db,
+                                           *known) / 10)
+    lattice, expanded = _expanded(survey, lattice, starts, left, int(grids.n_range.max()))
+    profile = survey.mean(lattice.interpolator.error_with_drift(
+        np.abs(survey.by_range[1] * lattice.spacing - lattice.cell_m)
+        * (0.5 * lattice.segment / lattice.step_m)))
+    errors = {
+        'range profiles': 10 * math.log10(profile + expanded),
+        'polar to map': 10 * math.log10(sum(10 ** (db / 10) for db in passes_db)),
+        'azimuth upsampling': parts_db,
+        'ends of profiles': ends_db}
+    groups = _records(survey, grids, half, parts)
+    slack = 2 * margin(echoes.lengths.taps) * lattice.spacing + 0.1 * float(np.ptp(length))
+    centres = survey.centres
+    made = GroupedMap(grid, corner, groups, bands.middle.reshape(n_groups, n_parts), centres[0],
+                      centres[-1], lattice, (float(length.min()) - slack,
+                                             float(length.max()) + slack),
+                      survey.between, survey.along, parts, errors, 0.0)
+    return dataclasses.replace(made, cost=costs().nanoseconds(made.operations))
+
+
+def _between_parts(survey: Survey, bands: Bands, starts) -> tuple[Interpolator, np.ndarray, float]:
+    """Interpolator between the lines of parts, half bands that it is for, (G,), and its error."""
+    echoes = survey.echoes
+    part = (starts[:, None] <= survey.some[..., None]).sum(axis=-1) - 1
+    middle = np.take_along_axis(bands.middle.reshape(starts.shape), part, axis=1)
+    frequency = _times(echoes.wavenumbers, survey.few) - middle[..., None]
+    for found in sufficient_interpolators(echoes.parts_db, taps=echoes.lengths.part_taps,
+                                          degree=DEGREE):
+        half = bands.beyond(found.oversampling)
+        if not survey.fine.all():
+            break
+        error_db = survey.error_db(found, frequency / (
+            2 * found.oversampling * half[:, None, None]))
+        if error_db <= echoes.parts_db:
+            return found, half, error_db
+    raise _Unsuited
+
+
+def _expanded(survey: Survey, lattice: RangeResampling, starts, wanted: float, n_range: int
+              ) -> tuple[RangeResampling, float]:
+    """Lattice with segments so short that expansions err by less than is wanted, and by how much.
+
+    Mean squares of what the cubics along segments leave out, see `profiles`.
+    """
+    part = (starts[:, None] <= survey.some[..., None]).sum(axis=-1) - 1
+    ends = np.concatenate([starts[:, 1:], (survey.starts + survey.counts)[:, None]], axis=1)
+    middle = (np.take_along_axis(starts, part, axis=1)
+              + np.take_along_axis(ends, part, axis=1)) // 2
+    shared = range_derivatives(survey.places, survey.centres, middle)
+    k, radar = survey.echoes.radar.wavenumber_rad_per_m, survey.echoes.radar
+    a, b, c = (k * (survey.by_range[n] - shared[n]) / math.factorial(n) for n in (1, 2, 3))
+    quartic = ((a ** 4 / 24 - b * b / 2 - a * c) ** 2 + (a * a * b / 2) ** 2) / 128
+    quintic = ((a ** 3 * b / 6) ** 2 + (a ** 5 / 120 - a * b * b / 2 - a * a * c / 2) ** 2) / 16
+    envelope = radar.half_band_rad_per_m ** 2 / 756 * survey.mean(survey.by_range[3] ** 2), 6
+    others = (k / 72) ** 2 * survey.mean(survey.by_range[4] ** 2) + survey.mean(quartic), 8
+    terms = envelope, others, (survey.mean(quintic), 10)
+    for segment in _SEGMENTS:
+        if segment > lattice.segment or segment >= 2 * n_range:
+            continue
+        half = 0.5 * segment * lattice.spacing
+        error = sum(term * half ** power for term, power in terms)
+        if error <= wanted:
+            return dataclasses.replace(lattice, segment=segment), error
+    raise _Unsuited
+
+
+def _records(survey: Survey, grids: Grids, half, parts: Interpolator) -> np.ndarray:
+    """(G,) GROUP as kernels take them."""
+    frames, found = survey.frames, np.zeros(len(survey.counts), GROUP)
+    found['first'], found['end'] = survey.starts, survey.starts + survey.counts
+    found['axis'], found['height_m'] = frames.axis, frames.height_m
+    found['x_m'], found['y_m'] = frames.origin_m[:, 0], frames.origin_m[:, 1]
+    found['track_x'], found['track_y'] = frames.track.T
+    found['least'], found['n_alpha'], found['n_range'] = grids.least, grids.n_alpha, grids.n_range
+    found['range_m'], found['alpha'] = grids.range_m, grids.alpha
+    found['alpha_spacing'] = grids.alpha_spacing
+    spacing = np.pi / (half * parts.oversampling)
+    found['coarse_spacing'] = spacing
+    found['coarse'] = grids.alpha - parts.n_taps // 2 * spacing
+    found['n_coarse'] = _lines(grids.extent, half * parts.oversampling, parts.n_taps)
+    return found
+
+
+@functools.cache
+def _profile_errors(degree: int) -> np.ndarray:
+    """(27, 12) errors of interpolators of profiles, dB.
+
+    For oversampling from 1.3 in steps of 0.1, and margins from 0.03 in steps of 0.05.
+    """
+    return np.array(known_errors()['profiles'][str(degree)])
