@@ -122,11 +122,6 @@ def check_illumination(name: str | Backend) -> None:
                          f'backend={BACKENDS[0]!r}')
 
 
-def computes_groups(name: str | Backend) -> bool:
-    """Whether a backend images maps from groups of echoes: it has a true attribute ``GROUPS``."""
-    return bool(getattr(backend(name), 'GROUPS', False))
-
-
 def compile_beforehand(*entries: str, name: str | Backend = AUTO) -> None:
     """Have a backend compile what some of its entries need, so that the first pulse does not wait.
 

@@ -64,7 +64,7 @@ class Exact(Method):
         try:
             plan = plan_backprojection(self._pixels, self.radar, self.n_samples, _echoes(tx_m),
                                        _echoes(rx_m), self.options.target_db, self.illumination,
-                                       groups=backends.computes_groups(self._backend))
+                                       groups=getattr(self._backend, 'GROUPS', False))
         except OutOfReach:
             if self.illumination is None:
                 raise
