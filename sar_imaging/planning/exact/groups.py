@@ -64,7 +64,7 @@ _SOME, _FEW = 33, 11  # echoes by which errors are predicted: of all groups, of 
 _SEEK = 5  # echoes of a group by which the number of groups is sought
 _WAVENUMBERS = 5  # of the band, at which errors are looked up
 _SLACK, _FINER = 1.01, 0.999
-_STEEP = 0.5  # height over the nearest range
+_CHANGE = 0.1  # of s along half a segment, over its value where its continuation begins
 _MOST_ENDS = 0.6  # of a target, that ends of profiles may take
 _LEFT_DB = 1.0  # of what profiles may err, for expansions along segments
 _NEARER = 0.35  # of the taps: how far beside a pixel interpolators read with weight
@@ -493,9 +493,11 @@ class Grids:
         edge = margin(taps)
         self.extents: Extents = extents_of(survey.grid, survey.frames, edge * spacing)
         self.least = _BEGIN * self.extents.least
-        survey.fine &= self.extents.reached & (self.extents.least > SEEN) & ~self._steep()
+        survey.fine &= self.extents.reached & (self.extents.least > SEEN)
         ends, ranges = self.extents.alpha, self.extents.range_m
+        self.room = self._room()
         spacing_alpha = np.minimum(survey.alpha_spacing, np.maximum(np.ptp(ends, axis=1), 1e-6))
+        spacing_alpha = np.minimum(spacing_alpha, self.room / edge)
         for _ in range(3):  # lines beside the map are read, too, where frequencies are higher
             there = self.beside(_NEARER * taps * spacing_alpha, self.extents.corner_m)
             top = np.maximum.reduceat(np.abs(there).max(axis=1), survey.starts)
@@ -514,15 +516,36 @@ class Grids:
         self.extent = (self.n_alpha - 1) * spacing_alpha
         survey.fine &= self.range_m > _LEAST_RANGE * ranges[:, 0]
 
-    def _steep(self) -> np.ndarray:
-        """(G,) bent groups high above the nearest pixels, whose errors were 5 dB above predicted.
+    @property
+    def longest_m(self) -> float:
+        """Longest half of a segment of a line that bent groups allow, metres.
 
-        The continuation beside the map ends too near to it there.
+        Along it s may change by a share of what it is where its continuation begins: beneath an
+        antenna lines pass from the continuation into the map within a segment, whose expansion
+        knows one side alone.
         """
+        fall = 2 * self._survey.frames.height_m ** 2 / self.range_m ** 3
+        longest = _CHANGE * self.least ** 2 / np.maximum(fall, 1e-12)
+        return float(np.where(self._bent(), longest, np.inf).min())
+
+    def _bent(self) -> np.ndarray:
+        """(G,) groups with echoes so far ahead that the continuation beside the map matters."""
         survey = self._survey
-        bend_m = np.maximum.reduceat(np.abs(survey.centres[0][:, 1]), survey.starts)
-        return ((np.abs(survey.frames.height_m) > _STEEP * self.extents.range_m[:, 0])
-                & (bend_m * survey.echoes.wavenumbers[-1] > 1.0))
+        ahead_m = np.max([np.abs(c[:, 1]) for c in survey.centres], axis=0)
+        bend_m = np.maximum.reduceat(ahead_m, survey.starts)
+        return bend_m * survey.echoes.wavenumbers[-1] > 1.0
+
+    def _room(self) -> np.ndarray:
+        """(G,) how far beside the map lines of bent groups are read; without end of others.
+
+        There s is as far below zero as the continuation begins above it. Further out it grows
+        steeply: of a platform that stands still few lines would do for the map, and those beside
+        it erred 10 dB more than predicted.
+        """
+        height = self._survey.frames.height_m[:, None] / self.extents.corner_m
+        far = np.sqrt(np.maximum(1 - height ** 2 + self.least[:, None] ** 2, 0.0))
+        room = (far - np.abs(self.extents.alpha)).min(axis=1)
+        return np.where(self._bent(), np.maximum(room, 1e-6), np.inf)
 
     def beside(self, away, corner_m) -> np.ndarray:
         """(E, 2) slopes by direction so far, (G,), beside the map on either side."""
@@ -575,9 +598,10 @@ class Bands:
         more.
         """
         survey, grids = self._survey, self._grids
-        half = np.maximum(self.half, 1e-9)
+        reach = 0.5 * survey.echoes.lengths.part_taps * np.pi / oversampling
+        half = np.maximum(np.maximum(self.half, reach / grids.room), 1e-9)
         for _ in range(6):
-            away = 0.5 * survey.echoes.lengths.part_taps * np.pi / (half * oversampling)
+            away = reach / half
             there = np.concatenate([grids.beside(share * away, grids.extents.corner_m)
                                     for share in (0.5, 1.0)], axis=1)
             low, high = _band(there, survey.echoes.wavenumbers)
@@ -797,7 +821,7 @@ def _planned(echoes: Echoes, grid: MapGrid, corner, n_groups: int, n_parts: int)
     passes_db = survey.passes_db(grids.alpha_spacing, lattice.spacing)
     left = echoes.target - 10 ** (total_db(lattice.predicted_error_db, *passes_db, parts_db,
                                            *known) / 10)
-    lattice, expanded = _expanded(survey, lattice, starts, left, int(grids.n_range.max()))
+    lattice, expanded = _expanded(survey, grids, lattice, starts, left)
     profile = survey.mean(lattice.interpolator.error_with_drift(
         np.abs(survey.by_range[1] * lattice.spacing - lattice.cell_m)
         * (0.5 * lattice.segment / lattice.step_m)))
@@ -834,7 +858,7 @@ def _between_parts(survey: Survey, bands: Bands, starts) -> tuple[Interpolator, 
     raise _Unsuited
 
 
-def _expanded(survey: Survey, lattice: RangeResampling, starts, wanted: float, n_range: int
+def _expanded(survey: Survey, grids: Grids, lattice: RangeResampling, starts, wanted: float
               ) -> tuple[RangeResampling, float]:
     """Lattice with segments so short that expansions err by less than is wanted, and by how much.
 
@@ -853,9 +877,10 @@ def _expanded(survey: Survey, lattice: RangeResampling, starts, wanted: float, n
     others = (k / 72) ** 2 * survey.mean(survey.by_range[4] ** 2) + survey.mean(quartic), 8
     terms = envelope, others, (survey.mean(quintic), 10)
     for segment in _SEGMENTS:
-        if segment > lattice.segment or segment >= 2 * n_range:
-            continue
         half = 0.5 * segment * lattice.spacing
+        if (segment > lattice.segment or segment >= 2 * int(grids.n_range.max())
+                or half > grids.longest_m):
+            continue
         error = sum(term * half ** power for term, power in terms)
         if error <= wanted:
             return dataclasses.replace(lattice, segment=segment), error
