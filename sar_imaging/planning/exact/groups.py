@@ -599,9 +599,11 @@ class Bands:
         """
         survey, grids = self._survey, self._grids
         reach = 0.5 * survey.echoes.lengths.part_taps * np.pi / oversampling
+        beside = _NEARER * survey.echoes.lengths.taps * grids.alpha_spacing
         half = np.maximum(np.maximum(self.half, reach / grids.room), 1e-9)
         for _ in range(6):
-            away = reach / half
+            # the outer lines of groups are read, too, and these read further ones
+            away = beside + reach / half
             there = np.concatenate([grids.beside(share * away, grids.extents.corner_m)
                                     for share in (0.5, 1.0)], axis=1)
             low, high = _band(there, survey.echoes.wavenumbers)
@@ -864,18 +866,18 @@ def _expanded(survey: Survey, grids: Grids, lattice: RangeResampling, starts, wa
 
     Mean squares of what the cubics along segments leave out, see `profiles`.
     """
-    part = (starts[:, None] <= survey.some[..., None]).sum(axis=-1) - 1
-    ends = np.concatenate([starts[:, 1:], (survey.starts + survey.counts)[:, None]], axis=1)
-    middle = (np.take_along_axis(starts, part, axis=1)
-              + np.take_along_axis(ends, part, axis=1)) // 2
-    shared = range_derivatives(survey.places, survey.centres, middle)
+    after = np.concatenate([starts[:, 1:], (survey.starts + survey.counts)[:, None]], axis=1)
+    shared = range_derivatives(survey.places, survey.centres, (starts + after) // 2)
+    ends = [range_derivatives(survey.places, survey.centres, echoes)
+            for echoes in (starts, after - 1)]
     k, radar = survey.echoes.radar.wavenumber_rad_per_m, survey.echoes.radar
-    a, b, c = (k * (survey.by_range[n] - shared[n]) / math.factorial(n) for n in (1, 2, 3))
+    a, b, c = (k * np.stack([end[n] - shared[n] for end in ends]) / math.factorial(n)
+               for n in (1, 2, 3))
     quartic = ((a ** 4 / 24 - b * b / 2 - a * c) ** 2 + (a * a * b / 2) ** 2) / 128
     quintic = ((a ** 3 * b / 6) ** 2 + (a ** 5 / 120 - a * b * b / 2 - a * a * c / 2) ** 2) / 16
     envelope = radar.half_band_rad_per_m ** 2 / 756 * survey.mean(survey.by_range[3] ** 2), 6
-    others = (k / 72) ** 2 * survey.mean(survey.by_range[4] ** 2) + survey.mean(quartic), 8
-    terms = envelope, others, (survey.mean(quintic), 10)
+    others = (k / 72) ** 2 * survey.mean(survey.by_range[4] ** 2) + _of_parts(quartic), 8
+    terms = envelope, others, (_of_parts(quintic), 10)
     for segment in _SEGMENTS:
         half = 0.5 * segment * lattice.spacing
         if (segment > lattice.segment or segment >= 2 * int(grids.n_range.max())
@@ -885,6 +887,16 @@ def _expanded(survey: Survey, grids: Grids, lattice: RangeResampling, starts, wa
         if error <= wanted:
             return dataclasses.replace(lattice, segment=segment), error
     raise _Unsuited
+
+
+def _of_parts(error) -> float:
+    """Mean of errors (2, G, P, S) at the ends of parts, zero in their middles, by Simpson's rule.
+
+    Of the group where it is largest.
+    """
+    n = error.shape[-1]
+    side = LOBATTO[math.isqrt(n)][1]
+    return float((error @ np.multiply.outer(side, side).ravel()).mean(axis=(0, 2)).max() / 3)
 
 
 def _records(survey: Survey, grids: Grids, half, parts: Interpolator) -> np.ndarray:
