@@ -30,7 +30,7 @@ from .instructions import (
     job_counter,
     take_job,
 )
-from .lines import _cos_cycles, _fraction, _sin_cycles
+from .lines import _cos_cycles, _expand_phasor, _fraction, _sin_cycles
 from .memory import WorkSpace
 from .points import project_points
 from .polar_to_map import group_to_map
@@ -41,7 +41,6 @@ _CHUNK_BYTES = 6 << 20  # coefficients of the echoes that are added together, on
 _BLOCK_BYTES = 8 * LANES
 _FLOATS = ir.VectorType(FLOAT, LANES)
 _i = types.int64
-_R2, _R6, _R8, _R24 = (np.float32(1 / v) for v in (2, 6, 8, 24))
 
 
 @instructions(_i, _i, None, _i, _i, _i, _i)
@@ -299,7 +298,7 @@ def _form_segment(cells, degrees, tx, rx, repeats, part, frequency, lines, work,
     half, n_some = segment // 2, min(LINES, lines.n_lines - block * LINES)
     r, dr = lines.middles[s], lines.spacing_m
     per_cell = dr / cells.step_m
-    turns = np.float32(cells.cycles_per_m * cells.step_m)
+    cycles_per_step = np.float32(cells.cycles_per_m * cells.step_m)
     sums, k, paths, places = work.sums, work.coefficients, work.paths, work.places
     per_echo = cells.n_phases * cells.n_planes * cells.n_cells
     at_sums = sums.ctypes.data + 4 * task * 2 * LINES * segment
@@ -319,7 +318,8 @@ def _form_segment(cells, degrees, tx, rx, repeats, part, frequency, lines, work,
             _paths(lines.geometry, r, rx, echo, s, block, paths, task, 4)
         _drifts(paths, task, other, per_cell, dr, cells.n_phases, k, 1)
         _begin(cells, paths, task, other, segment, k, places)
-        _expand_phasors(k, task, turns, half)
+        for j in range(LINES):
+            _expand_phasor(k, task, j, cycles_per_step, half)
         offset = (echo - cells.first) * per_echo
         for j in range(n_some):
             add_echo(cells.planes + 4 * (places[task, j] + offset), 4 * cells.n_cells,
@@ -359,39 +359,11 @@ def _begin(cells, paths, task, other, segment, k, places):
 
 
 @njit(inline='always')
-def _expand_phasors(k, task, turns, half):
-    """Phasors of an echo less what its part shares, cubics in the number of the range.
-
-    As `lines._expand_phasor`, the quartic term economised.
-    """
-    turn, square = np.float32(2 * np.pi) * turns, np.float32(half * half)
-    for j in range(LINES):
-        a = turn * (k[task, 1, j] - k[task, 11, j])
-        b = turn * (k[task, 2, j] - k[task, 12, j])
-        c = turn * (k[task, 3, j] - k[task, 13, j])
-        g = _fraction(k[task, 4, j] + turns * k[task, 0, j])
-        sine, cosine = _sin_cycles(g, g * g), _cos_cycles(g * g)
-        aa = a * a
-        r4, i4 = aa * aa * _R24 - _R2 * b * b - a * c, -_R2 * aa * b
-        r3, i3 = -a * b, c - aa * a * _R6
-        r2, i2 = square * r4 - _R2 * aa, square * i4 + b
-        r0, i0 = np.float32(1) - square * square * _R8 * r4, -square * square * _R8 * i4
-        k[task, 3, j] = cosine * r0 - sine * i0
-        k[task, 4, j] = cosine * i0 + sine * r0
-        k[task, 5, j] = -sine * a
-        k[task, 6, j] = cosine * a
-        k[task, 7, j] = cosine * r2 - sine * i2
-        k[task, 8, j] = cosine * i2 + sine * r2
-        k[task, 9, j] = cosine * r3 - sine * i3
-        k[task, 10, j] = cosine * i3 + sine * r3
-
-
-@njit(inline='always')
 def _store_lines(cells, frequency, number, lines, work, task, block, s, n_some):
     """Lines of a segment at range baseband, with the phasor that the echoes of the part share."""
     segment, r, dr = len(work.numbers), lines.middles[s], lines.spacing_m
     sums, k, images = work.sums, work.coefficients, lines.images
-    turns = np.float32(cells.cycles_per_m * cells.step_m)
+    cycles_per_step = np.float32(cells.cycles_per_m * cells.step_m)
     length, lanes, half = np.uint64(segment), np.uint64(LANES), segment // 2
     n_vectors = min(segment, lines.n_range - s * segment) // LANES
     for j in range(n_some):
@@ -400,7 +372,8 @@ def _store_lines(cells, frequency, number, lines, work, task, block, s, n_some):
         c0 = np.float32(c - np.rint(c))
         b1 = np.float32(cells.cycles_per_m * (
             (k[task, 11, j] + cells.n_phases) * cells.step_m - dr))
-        b2, b3 = turns * k[task, 12, j], turns * k[task, 13, j]
+        b2 = cycles_per_step * k[task, 12, j]
+        b3 = cycles_per_step * k[task, 13, j]
         source = np.uint64(2 * j * segment)
         for vector in range(n_vectors):
             to = np.uint64((((s * segment // LANES + vector) * lines.n_parts + number)

@@ -60,7 +60,9 @@ GROUP = np.dtype([(name, np.int64) for name in (
         'x_m', 'y_m', 'track_x', 'track_y', 'height_m', 'least', 'range_m', 'alpha',
         'alpha_spacing', 'coarse', 'coarse_spacing')])
 QUAD, VECTOR = 4, 16  # lines that kernels sum together, and ranges of their longest vectors
-_SOME, _FEW = 33, 11  # echoes by which errors are predicted: of all groups, of each at least
+# Echoes by which errors are predicted, of all groups, of each at least: two in a part or more.
+# A third of them told 0.7 dB too little of nineteen parts.
+_SOME, _FEW = 132, 44
 _SEEK = 5  # echoes of a group by which the number of groups is sought
 _WAVENUMBERS = 5  # of the band, at which errors are looked up
 _SLACK, _FINER = 1.01, 0.999
