@@ -64,6 +64,14 @@ def test_no_image_is_above_its_prediction(track, seed):
             _error_db(case, image) <= report.predicted_error_db + ALLOWED_DB)
 
 
+@pytest.mark.parametrize('seed', [890055, 890842, 891472, 900433, 900417, 901177, 901337])
+def test_images_that_erred_more_than_predicted_no_longer_do(seed):
+    """By 3 to 19 dB: long segments and parts, steep tracks, platforms that stand still."""
+    case = random_case(seed)
+    report, image = _exact(case)
+    assert _error_db(case, image) <= report.predicted_error_db + ALLOWED_DB
+
+
 def test_predictions_of_the_exact_imager_are_tight():
     """Bounded from both sides: what an image loses to a wrong term shows."""
     above = []
@@ -75,7 +83,7 @@ def test_predictions_of_the_exact_imager_are_tight():
     assert -6.0 <= min(above) and -3.0 <= np.median(above) <= -1.0
 
 
-@pytest.mark.parametrize(('seed', 'route'), [(427, 'groups'), (735, 'groups'), (842, 'groups')])
+@pytest.mark.parametrize(('seed', 'route'), [(427, 'groups'), (735, 'points'), (842, 'points')])
 def test_rows_that_slant_across_the_ranges_end_as_well_as_they_begin(seed, route):
     """Corners were up to -33 dB off: the polar image ended before what their rows read."""
     case = random_case(seed)

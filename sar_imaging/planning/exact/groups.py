@@ -66,7 +66,9 @@ _SOME, _FEW = 132, 44
 _SEEK = 5  # echoes of a group by which the number of groups is sought
 _WAVENUMBERS = 5  # of the band, at which errors are looked up
 _SLACK, _FINER = 1.01, 0.999
-_CHANGE = 0.1  # of s along half a segment, over its value where its continuation begins
+_STEEP = 0.5  # height over the nearest range, of bent groups
+_STILL, _PASSES = 0.1, 3  # share of echoes from places of more echoes than so many
+_CHANGE = 0.02  # of s along half a segment, over its value where its continuation begins
 _MOST_ENDS = 0.6  # of a target, that ends of profiles may take
 _LEFT_DB = 1.0  # of what profiles may err, for expansions along segments
 _NEARER = 0.35  # of the taps: how far beside a pixel interpolators read with weight
@@ -303,6 +305,16 @@ class Echoes:
     def __len__(self) -> int:
         return len(self.centres_m)
 
+    @property
+    def still(self) -> bool:
+        """Whether the platform stands still: many echoes come from one place, and add up there.
+
+        Parts of such groups erred up to 12 dB more than predicted.
+        """
+        places = np.rint(self.centres_m * (100.0 / self.radar.wavelength_m))
+        _, counts = np.unique(places, axis=0, return_counts=True)
+        return counts[counts > _PASSES].sum() > _STILL * len(self)
+
     def edges(self, n_groups: int) -> np.ndarray:
         """(G + 1,) first echo of each group, and their number."""
         return np.arange(n_groups + 1) * len(self) // n_groups
@@ -496,6 +508,9 @@ class Grids:
         self.extents: Extents = extents_of(survey.grid, survey.frames, edge * spacing)
         self.least = _BEGIN * self.extents.least
         survey.fine &= self.extents.reached & (self.extents.least > SEEN)
+        # some of those high above the map erred up to 17 dB more than predicted
+        survey.fine &= ~(self._bent() & (np.abs(survey.frames.height_m)
+                                         > _STEEP * self.extents.range_m[:, 0]))
         ends, ranges = self.extents.alpha, self.extents.range_m
         self.room = self._room()
         spacing_alpha = np.minimum(survey.alpha_spacing, np.maximum(np.ptp(ends, axis=1), 1e-6))
@@ -726,12 +741,15 @@ def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_
     Returns
     -------
     GroupPlan or None
-        None where points are as quick, or no part of the map lies ahead of a group.
+        None where points are as quick, no part of the map lies ahead of a group, or the platform
+        stands still.
     """
     taps = lengths_for(target_db).taps
     slack = 2 * margin(taps) * radar.range_resolution_m
     window = RangeGate.around(radar, n_samples, (range_m[0] - slack, range_m[1] + slack))
     echoes = Echoes(tx_m, rx_m, radar, window, target_db)
+    if echoes.still:
+        return None
     if numbers is None:
         maps, rest = _divided(echoes, grid, (0, 0))
     else:
@@ -866,20 +884,25 @@ def _expanded(survey: Survey, grids: Grids, lattice: RangeResampling, starts, wa
               ) -> tuple[RangeResampling, float]:
     """Lattice with segments so short that expansions err by less than is wanted, and by how much.
 
-    Mean squares of what the cubics along segments leave out, see `profiles`.
+    Mean squares of what the cubics along segments leave out, see `profiles`, at the ends of parts
+    and at the echoes that are looked at: those of a perturbed track lie off the line between ends.
     """
     after = np.concatenate([starts[:, 1:], (survey.starts + survey.counts)[:, None]], axis=1)
+    part = (starts[:, None] <= survey.some[..., None]).sum(axis=-1) - 1
+    middle = np.take_along_axis((starts + after) // 2, part, axis=1)
     shared = range_derivatives(survey.places, survey.centres, (starts + after) // 2)
     ends = [range_derivatives(survey.places, survey.centres, echoes)
             for echoes in (starts, after - 1)]
+    theirs = range_derivatives(survey.places, survey.centres, middle)
     k, radar = survey.echoes.radar.wavenumber_rad_per_m, survey.echoes.radar
-    a, b, c = (k * np.stack([end[n] - shared[n] for end in ends]) / math.factorial(n)
-               for n in (1, 2, 3))
-    quartic = ((a ** 4 / 24 - b * b / 2 - a * c) ** 2 + (a * a * b / 2) ** 2) / 128
-    quintic = ((a ** 3 * b / 6) ** 2 + (a ** 5 / 120 - a * b * b / 2 - a * a * c / 2) ** 2) / 16
+    quartic, quintic = np.max([
+        _left_out([k * np.concatenate([end[n] - shared[n] for end in ends], axis=1)
+                   / math.factorial(n) for n in (1, 2, 3)]) / 3,  # nothing in the middle: Simpson
+        _left_out([k * (survey.by_range[n] - theirs[n]) / math.factorial(n) for n in (1, 2, 3)])],
+        axis=0)
     envelope = radar.half_band_rad_per_m ** 2 / 756 * survey.mean(survey.by_range[3] ** 2), 6
-    others = (k / 72) ** 2 * survey.mean(survey.by_range[4] ** 2) + _of_parts(quartic), 8
-    terms = envelope, others, (_of_parts(quintic), 10)
+    others = (k / 72) ** 2 * survey.mean(survey.by_range[4] ** 2) + quartic, 8
+    terms = envelope, others, (quintic, 10)
     for segment in _SEGMENTS:
         half = 0.5 * segment * lattice.spacing
         if (segment > lattice.segment or segment >= 2 * int(grids.n_range.max())
@@ -891,14 +914,18 @@ def _expanded(survey: Survey, grids: Grids, lattice: RangeResampling, starts, wa
     raise _Unsuited
 
 
-def _of_parts(error) -> float:
-    """Mean of errors (2, G, P, S) at the ends of parts, zero in their middles, by Simpson's rule.
+def _left_out(coefficients) -> np.ndarray:
+    """Mean squares of what a phase's expansion leaves out in fourth and fifth order, (2,).
 
-    Of the group where it is largest.
+    `coefficients` are the phase's first to third, (G, Q, S), of echoes at the places of a map; of
+    the group where it is largest.
     """
-    n = error.shape[-1]
-    side = LOBATTO[math.isqrt(n)][1]
-    return float((error @ np.multiply.outer(side, side).ravel()).mean(axis=(0, 2)).max() / 3)
+    a, b, c = coefficients
+    quartic = ((a ** 4 / 24 - b * b / 2 - a * c) ** 2 + (a * a * b / 2) ** 2) / 128
+    quintic = ((a ** 3 * b / 6) ** 2 + (a ** 5 / 120 - a * b * b / 2 - a * a * c / 2) ** 2) / 16
+    side = LOBATTO[math.isqrt(a.shape[-1])][1]
+    places = np.multiply.outer(side, side).ravel()
+    return np.array([(error @ places).mean(axis=1).max() for error in (quartic, quintic)])
 
 
 def _records(survey: Survey, grids: Grids, half, parts: Interpolator) -> np.ndarray:
