@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from msg_conversions.radar_frames import (
@@ -86,7 +85,7 @@ class RadarDriverNode(ManagedNode):
         qos = QoSProfile(depth=p['queue_depth'], reliability=ReliabilityPolicy.RELIABLE
                          if reliable else ReliabilityPolicy.BEST_EFFORT)
         self.activity.callback(self._end_watch)
-        frames = self._subscribe(self._frame_class, 'radar_frames', self._receive, qos)
+        frames = self.create_input(self._frame_class, 'radar_frames', self._receive, qos)
         names = frames.topic_name
         package, _, short = p['message_type'].rpartition('/')
         self._watch = InputWatch(
@@ -97,16 +96,12 @@ class RadarDriverNode(ManagedNode):
         if self._info_class is not None:
             # Of what is latched the last one before the start counts; others only now and then.
             latched = short_name(p['info_type']) in LATCHED_INFO
-            info = self._subscribe(self._info_class, 'radar_info', self._receive_info, QoSProfile(
-                depth=p['queue_depth'], durability=DurabilityPolicy.TRANSIENT_LOCAL if latched
-                else DurabilityPolicy.VOLATILE))
+            info = self.create_input(
+                self._info_class, 'radar_info', self._receive_info, QoSProfile(
+                    depth=p['queue_depth'], durability=DurabilityPolicy.TRANSIENT_LOCAL
+                    if latched else DurabilityPolicy.VOLATILE))
             names += f', {info.topic_name}'
         self.health.info(f'ready: {names} -> {self._output.topic}')
-
-    def _subscribe(self, kind, topic: str, callback, qos: QoSProfile) -> Subscription:
-        subscription = self.create_subscription(kind, topic, callback, qos)
-        self.activity.callback(self.destroy_subscription, subscription)
-        return subscription
 
     def _end_watch(self) -> None:
         self._watch = None

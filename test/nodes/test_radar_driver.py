@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import yaml
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float32MultiArray, MultiArrayLayout
 
 from msg_conversions import pulse_block
@@ -98,6 +99,26 @@ def test_a_topic_on_which_nothing_comes_is_told_with_what_may_be_meant(
     other = observer.node.create_publisher(MultiArrayLayout, 'radar_frames', 10)
     node.wait_for_log('radar_driver', 'it carries std_msgs/msg/MultiArrayLayout, expected std_')
     observer.node.destroy_publisher(other)
+
+
+def test_a_driver_of_another_reliability_is_told_with_the_parameter_that_helps(
+        start_node, make_observer, tmp_path):
+    parameters = {'description_file': description(tmp_path)}
+    node = start_node('radar_driver', parameters)
+    best_effort = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    observer = make_observer()
+    observer.subscribe(Float32MultiArray, 'pulses')
+    scan = Float32MultiArray(data=scans()[0][0].real.ravel().tolist())
+    publisher = observer.node.create_publisher(Float32MultiArray, 'radar_frames', best_effort)
+    node.wait_for_log('radar_driver', 'qos_overrides./radar_frames.subscription.reliability')
+    observer.wait_for_counters('radar_driver', qos_incompatible=1)
+    node.stop('radar_driver')
+    node = start_node('radar_driver', {
+        **parameters, 'qos_overrides./radar_frames.subscription.reliability': 'best_effort'})
+    node.wait_for_log('radar_driver', 'subscriber on .*/pulses joined')
+    observer.wait(publisher.get_subscription_count, 'the subscription')
+    publisher.publish(scan)
+    observer.wait_for('pulses', 1)
 
 
 def test_it_may_be_deactivated_and_activated(driver):

@@ -19,11 +19,11 @@ from sar_imaging.diagnosis.signals import Finding
 from sar_imaging.files import filling
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.poses import PoseStatus
-from sar_imaging.signal.pulses import PulseBlock, concatenate
+from sar_imaging.signal.pulses import PulseBlock
 
 from ...recordings.bag_io import BagError, read_blocks
 from ...recordings.kinds import CPHD, RECORDING, kind_of
-from ...recordings.pulse_source import PulseSource, SourceError, open_pulses
+from ...recordings.pulse_source import PulseSource, SourceError, joined, open_pulses
 from ..arguments import add_pulses, memory_bytes
 from ..program import command_parser, main_of
 from . import forming
@@ -94,10 +94,12 @@ def read_pulses(arguments: argparse.Namespace) -> tuple[
     except (BagError, SourceError) as error:
         if not arguments.file.exists() or kind_of(arguments.file) != RECORDING:
             raise
-        return (None, _joined(read_blocks(arguments.file), arguments), None,
+        blocks = joined(read_blocks(arguments.file), _bytes(arguments))
+        return (None, next(blocks), None,
                 (Finding('no positions', str(error), 'record odometry with the pulses, or the '
                          'phase centres in them; without them nothing can be imaged'),))
-    block = _joined(source.blocks(_bytes(arguments)), arguments)
+    n_bytes = _bytes(arguments)
+    block = next(joined(source.blocks(n_bytes), n_bytes))
     asked = arguments.centre is not None or arguments.size is not None
     if source.grid is not None and not asked:
         return source, block, source.grid, ()
@@ -120,18 +122,6 @@ def _of_cphd(finding: Finding) -> Finding:
 def _bytes(arguments: argparse.Namespace) -> float:
     # profiles are made of them several times, more finely sampled
     return min(_MOST_BYTES, memory_bytes(arguments) / 16)
-
-
-def _joined(blocks, arguments: argparse.Namespace) -> PulseBlock:
-    """The first blocks, as many as memory allows."""
-    kept, n_bytes = [], 0
-    for block in blocks:
-        if kept and (n_bytes + block.samples.nbytes > _bytes(arguments)
-                     or not block.matches(kept[0])):
-            break
-        kept.append(block)
-        n_bytes += block.samples.nbytes
-    return concatenate(kept)
 
 
 def _attitude(source: PulseSource, block: PulseBlock) -> Rotation | None:
