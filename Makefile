@@ -1,3 +1,6 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
+
 # The commands of this project; `make help` lists them. Each creates the virtual environment it
 # needs on first use and finds it ready the next time.
 #

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Installs the package for colcon (`ros2 run`, `ros2 launch`) and for pip."""
 
 import sys

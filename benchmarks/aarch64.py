@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Check the imaging core on aarch64, emulated: images and predictions beside the pinned ones.
 
 Run from the repository root, on Debian; nothing is installed and no rights are needed::

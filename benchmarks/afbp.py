@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """AFBP beside exact backprojection, FFBP and FastSAR 0.1.8's FFBP, on the same phase history.
 
 Run from the repository root in an environment that has FastSAR

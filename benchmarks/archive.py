@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A mosaic of a gigapixel from an archive larger than the memory of a worker.
 
 Run from the repository root: ``python -m benchmarks.archive``. It simulates an archive of 4 GB of

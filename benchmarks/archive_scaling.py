@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Archives on more workers: overhead of a piece, one and two workers, and up to 64 simulated ones.
 
 Run from the repository root: ``python -m benchmarks.archive_scaling``. A simulated archive is

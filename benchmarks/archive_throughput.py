@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """An archive beside its recordings imaged one after the other, and beside FastSAR in a `dask.bag`.
 
 Run from the repository root: ``python -m benchmarks.archive_throughput``, with the Python of

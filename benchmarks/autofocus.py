@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Autofocus on 100 random apertures with wrong positions, and what it costs.
 
 Run from the repository root::

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random drone flights with a wrong clock: how often autofocus rescues them, and what it claims.
 
 Run from the repository root::

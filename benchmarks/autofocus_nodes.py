@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Recordings with a wrong clock through real node processes over DDS, with and without autofocus.
 
 Run from the repository root::

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Exact backprojection beside FastSAR 0.1.8: the same phase history, pixels and thread.
 
 Run from the repository root in an environment that has FastSAR

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Time of message conversions beside a plain copy of the same bytes (needs ROS messages).
 
 Run from the repository root: ``python -m benchmarks.conversions``. Operations take turns in

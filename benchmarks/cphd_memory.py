@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A CPHD file larger than the memory: written as a stream, imaged under a limit of memory.
 
 Run from the repository root: ``python -m benchmarks.cphd_memory``. It writes a file of 4 GB with

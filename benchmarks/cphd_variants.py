@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """CPHD files of every variant, written with sarkit and NumPy alone, imaged by this package.
 
 Run from the repository root: ``python -m benchmarks.cphd_variants``. Vectors, XML and samples are

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Campaign of the doctor: faults injected into random recordings; which are named, and which not?
 
 Run from the repository root: ``make doctor-campaign``, or ``python -m benchmarks.doctor``. Every

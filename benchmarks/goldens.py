@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pin images, predicted errors, plans and times, and compare a tree with what was pinned.
 
 Run from the repository root. What is committed in `benchmarks/goldens` was written by one

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images on a CUDA device: rates, times and errors, on the device alone and end to end.
 
 Run from the repository root on a machine with a device, in an environment with the extra `cuda`::

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Draw the pictures of docs/grids.md from what its examples compute.
 
 Run from the repository root: ``python -m benchmarks.grid_figures``.

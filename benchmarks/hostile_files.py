@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Every reader against hostile and damaged files: one line, in time, nothing lost or executed.
 
 Run from the repository root: ``python -m benchmarks.hostile_files [--readers NAME ...]``; with

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Every output into hostile places: inputs and other files stay, nothing is half written.
 
 Run from the repository root: ``python -m benchmarks.hostile_places [--outputs NAME ...]``. Each

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Illumination: what it saves and costs, and a spaceborne stripmap.
 
 - speed: exact backprojection along lines and point by point, and AFBP, with an antenna that lights

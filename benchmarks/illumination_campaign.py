@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure how far images with illumination are above their predicted errors, over random cases.
 
 Every case follows from its seed (`benchmarks.support.lit_cases`). Its images are compared with

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Write the errors of interpolators that plans look up, since designing them takes seconds.
 
 Run from the repository root after a change of `sar_imaging.planning.interpolators`::

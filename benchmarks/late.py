@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Age of images: real processes fed at half, once and twice their radar's rate, cold at first.
 
 Run from the repository root: ``python -m benchmarks.late`` (twenty minutes), or parts of it:

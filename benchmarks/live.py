@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The live system: losses, latency, sustained rates, processor time, endurance, start-up.
 
 Run from the repository root: ``python -m benchmarks.live`` (about twelve minutes), then

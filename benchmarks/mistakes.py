@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Campaign of mistakes: eighteen of them, injected into right recordings; which are named?
 
 Run from the repository root: ``make mistakes``, or ``python -m benchmarks.mistakes RECORDING``.

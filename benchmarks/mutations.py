@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """How many random mistakes in the code the tests notice.
 
 Draws single changes of the source (`mutation.sample`), makes each in a copy of the tree and runs

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of docs/newcomer.md: run ``python -m benchmarks.newcomer``, or with names of some."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure the obstacle map over random scenes of the three shipped platforms.
 
 Every scene is imaged from three apertures. The map after the first image and after all of them is

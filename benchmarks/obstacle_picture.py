@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Draw a scene of the drone: its image, the cells of the former rule, and the obstacle map.
 
 Run from the repository root: ``python -m benchmarks.obstacle_picture``.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure whether cells that an obstacle map calls free were seen: shadows, hidden points, walls.
 
 Echoes and images are plain NumPy in float64, apart from the package: scatterers with the range

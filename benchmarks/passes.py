@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Two simulated passes compared: figures and the picture of docs/exploitation.md.
 
 Run from the repository root: ``python -m benchmarks.passes``, five minutes. False

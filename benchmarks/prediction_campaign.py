@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure how far images are above their predicted errors, over random radars, tracks and maps.
 
 Every case follows from its seed (`benchmarks.support.random_cases`). Its image by each

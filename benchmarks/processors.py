@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """AFBP with the code of several processors, and with SciPy's Fourier transforms for its own.
 
 Run from the repository root::

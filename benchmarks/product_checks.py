@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Every product of the shipped bags and the examples before the checkers of its standard.
 
 Run from the repository root: ``python -m benchmarks.product_checks``. sarkit's checkers (those of

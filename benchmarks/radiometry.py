@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Calibrated brightness of simulated rough surfaces and reflectors beside the truth.
 
 Run from the repository root: ``python -m benchmarks.radiometry``, some minutes; ``--seeds 1`` for

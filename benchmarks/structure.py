@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure how large the code is, and how much of it an image passes, from the tree as it is.
 
 Run: python -m benchmarks.structure

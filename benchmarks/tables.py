@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Markdown tables of the results in `benchmarks/results`, for docs/benchmarks.md.
 
 Run from the repository root: ``python -m benchmarks.tables``.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of docs/weekend.md, and a first drive as a radar's driver would record it.
 
 Run from the repository root: ``python -m benchmarks.weekend pictures`` draws a good first image

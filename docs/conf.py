@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Sphinx configuration of the documentation site, which `make docs` builds."""
 
 import pathlib

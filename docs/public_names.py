@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Which names are public: those of the API reference, each with an example that runs.
 
 A name is public if a package lists it in `__all__`, or if it is among `MODULES` below: names that

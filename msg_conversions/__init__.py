@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Convert messages to arrays and back; no other code knows the wire format.
 
 `msg_conversions.wire`, `msg_conversions.subaperture_wire`, `msg_conversions.layout` and

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Encode doubles, nanoseconds and integers in float32 fields without loss of precision.
 
 A float32 holds 24 significant bits: 128 s of a present-day time in seconds, half a metre of a

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Convert images and grids to sensor_msgs/Image, MapMetaData and OccupancyGrid and back.
 
 Image arrays have shape (n_y, n_x): row 0 is the largest y, column 0 the smallest x.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Layouts of a std_msgs/Float32MultiArray and the checks of all readers, without ROS."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Build a std_msgs/Float32MultiArray from arrays, and read its layout."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Satellite navigation and attitudes from sensor_msgs, the datum of a frame as a transform.
 
 The datum of a frame travels as geometry_msgs/TransformStamped from the frame ``earth`` (REP 105:

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Convert moving targets, obstacles and volumes to sensor_msgs/PointCloud2 and back.
 
 Fields, all FLOAT32, of moving targets: ``x``, ``y``, ``z`` (metres, frame of the header),

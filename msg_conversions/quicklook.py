@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Amplitudes as grey levels for people to look at."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Raw frames of radar drivers, read by the names of message types and fields.
 
 No package of a driver is needed: the messages may be those of rclpy, or of rosbags with the

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Convert sub-aperture images to std_msgs/Float32MultiArray and back."""
 
 from __future__ import annotations

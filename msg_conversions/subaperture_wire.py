@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Wire format of a sub-aperture image: arrays of a std_msgs/Float32MultiArray, without ROS.
 
 ``data = [header | pixels]``, described field by field in docs/wire_format.md. It follows the

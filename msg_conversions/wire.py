@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Wire format of a pulse block: arrays of a std_msgs/Float32MultiArray, without ROS.
 
 ``data = [block header | per-pulse table | samples]``, described field by field in

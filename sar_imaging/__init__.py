@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Multichannel synthetic aperture radar imaging for ROS 2.
 
 Pulses with phase centres go in, focused complex images come out::

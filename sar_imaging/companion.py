@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Makes sure that `msg_conversions` is the package that belongs to this one.
 
 It stands beside `sar_imaging` under a name that another package of a workspace may have, too:

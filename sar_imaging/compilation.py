@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Compiler settings shared by every Numba kernel of the package."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Arrays in the memory of a CUDA device, told from NumPy's without importing anything of CUDA.
 
 They are CuPy's. NumPy's functions that take arrays work on them, on the device; `numpy.asarray`

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Files at the door: what is read is a regular file, and what is written replaces no input.
 
 Every reader opens its files by `reading` or `check_file`, every writer makes its own within

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Refuse what does not fit into memory before it is allocated."""
 
 from __future__ import annotations

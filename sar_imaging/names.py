@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Names that nobody knows, or that went elsewhere: what is said of them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Arrays of NumPy's files, whose headers are compared with the file before anything is allocated.
 
 NumPy allocates what a header asks for. Here a header that claims more than its file holds, or than

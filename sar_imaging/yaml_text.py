@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """YAML that people write, for the whole package: bounded, each key once, and lines are known.
 
 PyYAML keeps the last of keys given twice without a word, and YAML 1.2 forbids them (section

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Processes that need the same kernel at the same time: one compiles it, the others load it.
 
 Numba looks into its cache, compiles and writes, and keeps no other process from doing the same

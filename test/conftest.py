@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Settings of all tests; recordings of bags/ with exact images; profiles of random scatterers."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Node processes forked from one that has loaded their libraries already.
 
 A node loads rclpy, SciPy and Numba for a second, and the tests start hundreds. A server process

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Builds the package as a ROS workspace does and starts what `ros2 run` would start.
 
 Runs where colcon is installed beside the package's requirements: `make colcon`.

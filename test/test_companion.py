@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A package of another project that is called msg_conversions is an error with both places."""
 
 import os

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What is told when kernels are compiled, and where their machine code is kept."""
 
 import os

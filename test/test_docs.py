@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What the documentation shows works: code runs, links lead somewhere."""
 
 from __future__ import annotations

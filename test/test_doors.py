@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The three doors of the documentation lead to pictures: what their pages show runs in order."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """`make environment`: the package is importable from anywhere, wherever its checkout goes."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Every public name has an example in its docstring, and every example shows what happens."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What is read and written through the door: inputs stay, nothing goes through a link."""
 
 from __future__ import annotations

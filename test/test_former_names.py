@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Names of before go on working for one release, and a warning says where they are now."""
 
 import importlib

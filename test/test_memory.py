@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Memory that is available: of the machine, of control groups, of the process."""
 
 import subprocess

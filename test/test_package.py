@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The house rules that no single module's test would notice."""
 
 from __future__ import annotations
@@ -205,6 +207,19 @@ def test_every_command_is_an_executable_of_ros():
     scripts = _setup_keywords()['entry_points']['console_scripts']
     modules = {script.split(' = ')[1].split(':')[0] for script in scripts}
     assert {f'sar_imaging.tools.{module}' for module in COMMANDS.values()} <= modules
+
+
+def test_every_source_file_names_its_holder_and_its_licence():
+    """Two lines at its head, after the interpreter's; ament_copyright reads the first."""
+    made = ('docs/auto_examples', 'docs/api/generated')
+    files = [path for folder in (*PACKAGES, 'test', 'benchmarks', 'docs')
+             for path in (ROOT / folder).rglob('*.py') if not _name(path).startswith(made)]
+    head = ('# Copyright 2026 SAR Imaging contributors', '# SPDX-License-Identifier: Apache-2.0')
+    for path in [*files, ROOT / 'setup.py', ROOT / 'Makefile', ROOT / '.ci' / 'run']:
+        lines = path.read_text().splitlines()
+        first = bool(lines) and lines[0].startswith('#!')
+        assert not lines or tuple(lines[first:first + 2]) == head, \
+            f'{_name(path)} begins without the two lines ' + ' and '.join(head)
 
 
 @pytest.mark.parametrize(('command', 'expected'), [

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The weekend guide: its commands run, its numbers are derived, its failures are named."""
 
 from __future__ import annotations

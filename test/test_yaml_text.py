@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Keys that are given twice, wherever the package reads YAML."""
 
 import pathlib

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Make the positions of the measured Gotcha recording wrong, and correct them by autofocus.
 
 Run: python -m benchmarks.measured.focus_gotcha FOLDER --output out/focus_gotcha

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Image a recording of the radar on a rotating arm and estimate the arm's radius from it.
 
 Run: python -m benchmarks.measured.image_arcsar FILE --output out/arcsar

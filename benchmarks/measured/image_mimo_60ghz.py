@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Image the recording of the 60 GHz MIMO radar in three dimensions, calibrated from itself.
 
 Run: python -m benchmarks.measured.image_mimo_60ghz FILE --output out/mimo_60ghz

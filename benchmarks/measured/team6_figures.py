@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of the team 6 rail recording with different alignments, for the gallery.
 
 Run: python -m benchmarks.measured.team6_figures out/team6_nominal out/team6_estimated \

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Sensitivity of the team 6 reflectors' focus to time offset, range bias and lever arm.
 
 Run: python -m benchmarks.measured.team6_sensitivity FOLDER --output out/team6_sensitivity

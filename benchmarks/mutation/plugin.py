@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """For pytest under `coverage`: each test is a context, and its time is noted if it passes."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """One change in a copy of the tree and the tests that may notice it."""
 
 from __future__ import annotations

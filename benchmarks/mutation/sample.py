@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random single changes of the source: a sign, a bound, a number, a dropped condition.
 
 The operators are those of cosmic-ray. Of each symbol only the replacements that a person might

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Which tests execute a line, the cheapest first.
 
 `coverage` says which test runs which line. Compiled code it does not see, nor what happens when

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Figures and tables of the papers that this package builds on, reproduced and judged.
 
 `reproduce_multichannel`: Rosenberg & Gray, multichannel backprojection.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The imagers that `reproduce_spotlight_letter` compares, with seconds by stage and memory."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measurements of `reproduce_spotlight_letter`: the responses of points 1 to 3."""
 
 from __future__ import annotations

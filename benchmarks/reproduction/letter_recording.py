@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Recording of the spotlight letter: its phase history, and range profiles for imagers."""
 
 from __future__ import annotations

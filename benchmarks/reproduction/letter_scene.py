@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The experiment of Zhang et al. 2014: a spotlight recording simulated as its phase history.
 
 Section III of the letter, with what it leaves open chosen here and named. The recording is large

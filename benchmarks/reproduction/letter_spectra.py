@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Spectra of sub-aperture images and their place in the fused one: figures 3 and 4."""
 
 from __future__ import annotations

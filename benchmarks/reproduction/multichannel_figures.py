@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Figures of `reproduce_multichannel`, numbered as in Rosenberg & Gray."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measurements of `reproduce_multichannel`: the experiments of Rosenberg & Gray, section 7.
 
 Three imagers on the scenarios of the paper's table 1: time-domain correlation (TDC), the

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Reproduce the figures and tables of Rosenberg & Gray, Multichannel SAR Imaging.
 
 Run: python -m benchmarks.reproduction.reproduce_multichannel --output out/multichannel

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 r"""Reproduce the experiment of Zhang et al. 2014, the letter that proposes AFBP.
 
 Run: python -m benchmarks.reproduction.reproduce_spotlight_letter \

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random and measured right recordings, into which the campaign of the doctor injects faults."""
 
 from __future__ import annotations

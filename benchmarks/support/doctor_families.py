@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Right recordings of families that the doctor was not tuned on, by echoes of their own code.
 
 Nothing here comes from the package's simulator: echoes are written down from the equations of

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Faults that the campaign of the doctor injects, and the findings that name them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Raw messages as radar drivers publish them, from simulated echoes, for tests.
 
 A cube holds complex samples (loops, turns, receivers, samples) with the sign of the board: a

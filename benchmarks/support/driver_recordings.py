@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Recordings of five radar drivers: a simulated reflector as each publishes it, with its traps."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random drone flights with unsynchronised clocks of radar and poses, to test autofocus on.
 
 A drone hovers and drifts, flies into a turn, or flies straight and level legs between which it

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Echoes by the sum over scatterers in plain NumPy, which shares nothing with the package's own.
 
 Range profiles are the inverse transform of ``sum a exp(-2 pi j (f_c + f) D / c)`` over a flat

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """FastSAR in a plain `dask.bag` over the recordings of an archive: images alone.
 
 A bag of one line, as a user of FastSAR would write it: recordings mapped to images, on processes.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """FastSAR's imagers behind one call each: a phase history in, a map image in our layout out.
 
 FastSAR is no requirement of this project; install it beside it::

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images that are pinned while the imaging core is rebuilt: geometries and how they are formed.
 
 Radars on tracks from 100 m to 50 km, of 1 and 5 channels, straight, curved, squinted and

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Kernels of the CUDA backend compiled without a device: registers, spills, and their loops.
 
 `TYPES` lists the types that each kernel is launched with; the simulator's tests hold launches

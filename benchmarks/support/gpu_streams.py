@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What a device does with raw pulses and with pulses that arrive: cases of `benchmarks.gpu`."""
 
 from __future__ import annotations

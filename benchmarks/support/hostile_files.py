@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Hostile and damaged files of every kind that the package reads, made of small valid ones.
 
 `READERS` lists the valid files with the commands that read them; `kinds_of` the ways in which one

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random cases with antenna patterns and pointings, to test predicted errors of beams on."""
 
 from __future__ import annotations

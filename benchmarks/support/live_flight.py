@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The simulated flight that the live system is measured with, and its images formed offline."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Run the nodes as processes, feed them in real time, and take note of what comes when."""
 
 from __future__ import annotations

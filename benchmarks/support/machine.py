@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The machine that a measurement was made on, for its results."""
 
 from __future__ import annotations

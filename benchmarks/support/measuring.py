@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Times, growth laws and peak memory, measured alike by all benchmarks."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Build Python packages of ROS messages from definitions, without CMake and without a workspace.
 
 The rosidl generators come with the ROS wheels; gcc and g++ compile what they write. All of a

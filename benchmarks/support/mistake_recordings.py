@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Right recordings, simulated and measured, into which the campaign of mistakes injects them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random scenes of obstacles, clutter and noise before the three shipped platforms.
 
 Range profiles are synthesised from exact paths over the band, so that clutter of thousands of

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Range profiles of targets by the radar equation, for the figures and tests of radiometry."""
 
 import numpy as np

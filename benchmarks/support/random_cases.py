@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random valid radars, tracks, maps and scenes, to test predicted errors on.
 
 A case follows from its seed alone. Tracks are those that radars fly, drive and are carried on,

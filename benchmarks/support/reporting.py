@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Common parts of the programs that make figures: exit status, and the look of the figures."""
 
 from __future__ import annotations

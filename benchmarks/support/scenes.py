@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Phase histories of random scatterers for the benchmarks, made quickly in bounded memory."""
 
 from __future__ import annotations

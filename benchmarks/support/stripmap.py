@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A spaceborne stripmap of one scatterer, and its image in closed form."""
 
 from __future__ import annotations

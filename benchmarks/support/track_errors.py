@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """How large errors of a track are drawn, and what of them no image shows."""
 
 from __future__ import annotations

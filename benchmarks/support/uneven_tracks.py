@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Tracks along a line whose speed nobody plans for: halts, haste, returns and jumps.
 
 Each takes what the tracks of `benchmarks.support.random_cases` take.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The name of a mermaid block's drawings: a digest of the block."""
 
 import hashlib

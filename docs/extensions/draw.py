@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Draw every mermaid block of the pages that has no drawing; `make drawings` runs this.
 
 mermaid-cli comes from npm by `npx`, and draws with the Chromium of this machine. Drawings whose

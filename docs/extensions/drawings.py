@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Mermaid blocks of the pages as pictures that were drawn beforehand, one for light, one for dark.
 
 GitHub draws a ```mermaid block itself. Here the block is replaced by `images/drawings`, whose file

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Links of the Markdown pages lead to the same place on the site as on GitHub.
 
 Pages link files outside docs/. A few of these files are pages of the site, too (`OUTER`); a folder

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Formulas as MathML, which browsers draw themselves: no script, nothing from the network."""
 
 from __future__ import annotations

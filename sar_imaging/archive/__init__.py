@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Archives of many recordings: images, strips, mosaics and coherence, divided among workers.
 
 - `job`: what is to be made, from a file in YAML;

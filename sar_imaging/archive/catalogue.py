@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What a job made: a STAC catalogue for programs, a picture and a report for people.
 
 ``catalog.json`` is a collection. Each aperture image, strip, mosaic and pair is an item below

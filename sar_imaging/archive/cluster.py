@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Workers: a cluster of this machine's processes, or a running one found by its address."""
 
 from __future__ import annotations

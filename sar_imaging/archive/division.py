@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """How a job is divided into pieces, and what these take: seconds of one core, memory, traffic.
 
 There are two ways to divide: the map into tiles, and the pulses of an aperture into

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images, strips, mosaics and coherence as cloud-optimised GeoTIFF, and images as SICD.
 
 GeoTIFF is written in bounded memory. SICD wants a grid of its own: its images are formed anew.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images of apertures on windows of the map: whole, tile by tile, or summed of partial images.
 
 Pulses are streamed from the recording, with phase centres in the map's frame. The error against

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What is to be made of an archive: `Job`, and the file in YAML that says so.
 
 `read_job` checks every key. Values know their lines, so that an error can name the one to change.

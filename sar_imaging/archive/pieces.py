@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pieces: what one task computes. Each kind says what it needs and what it makes."""
 
 from __future__ import annotations

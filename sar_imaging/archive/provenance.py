@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random pixels of a mosaic against correlation from the recordings.
 
 Nothing of the stored images is used: every aperture whose footprint holds a pixel is correlated

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Recordings of a job: found in folders, lists and STAC catalogues, and scanned once each.
 
 A scan tells the apertures of a recording with their footprints, phase centres, antenna and

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What is finished, whose the output folder is, and that one process at a time works there.
 
 Dask knows nothing of an earlier run. A piece that is finished has a small file, its record,

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pieces on Dask's workers, a piece for each thread, each when what it needs is there.
 
 Dask places the pieces, tries them again when their worker dies or a file has trouble, and asks

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What scans of recordings tell: apertures with their antennas, or why something is lost.
 
 They are kept in the output folder beside the job, as JSON that is complete or absent; phase

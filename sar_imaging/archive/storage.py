@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Arrays on disk whose chunks are tiles of the map's lattice: each complete, or absent.
 
 They are Zarr (format 2), so that any program reads them. A chunk is written beside its place and

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Mean power of many aperture images, and coherence of two passes, tile by tile without a seam.
 
 A pixel counts a look of an aperture where it lies within the aperture's footprint and its image

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pixels of the map: windows of its lattice, its tiles, and where on plane or ellipsoid they lie.
 
 Pixel ``(row, column)`` of the lattice lies at ``x = column * spacing`` and ``y = -row * spacing``

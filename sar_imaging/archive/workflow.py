@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """An archive from its job to its products: recordings scanned, work divided, pieces computed."""
 
 from __future__ import annotations

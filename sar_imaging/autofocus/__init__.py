@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Autofocus: estimate motion and phase errors from the image itself.
 
 - `autofocus`: estimates errors, images again, accepts only sharper images (`report`);

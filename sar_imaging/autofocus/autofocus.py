@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Autofocus of an aperture: estimate errors, image again exactly, accept only a sharper image."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """How far the evidence for an answer of autofocus goes: whether to use it, and to claim it."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Autofocus of the nodes: geometry models from a few parameters."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Geometry models: phase centres as a function of unknown parameters.
 
 A `GeometryModel` is any function from a vector of parameters to the phase centres of all pulses,

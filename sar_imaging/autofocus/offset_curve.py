@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What trials of clock offsets tell: where the scene is sharpest, and how sure that is.
 
 A trial is judged against the offsets nearby, whose images differ in focus alone; the scatter of

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Search for the offset of two clocks over seconds, by the sharpness of many quick images.
 
 An offset of a clock is one number, so every value that matters can be tried. How fine the trials

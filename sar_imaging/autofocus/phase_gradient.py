@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Phase gradient autofocus of polar images (Wahl, Eichel, Ghiglia & Jakowatz 1994).
 
 In the polar coordinates of its aperture an image of a small scene is a Fourier transform of the

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Report of autofocus: the errors found, contrast before and after, and whether to believe it."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Estimate the phase of each sub-aperture that makes tiles sharpest, and the error of it.
 
 What a smooth geometry model leaves, such as vibration, is estimated pulse by pulse as one

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Maximise the sharpness of tiles over the parameters of a geometry model.
 
 The search starts with short coherent segments, whose images are displaced rather than blurred by

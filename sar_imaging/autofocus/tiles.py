@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Image tiles around bright points, which autofocus focuses instead of the whole image.
 
 The aperture is cut into sub-apertures. For each tile and sub-aperture a short piece of range

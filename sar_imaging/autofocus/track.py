@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Phase centres of a radar as functions of time, before, during and after an aperture.
 
 Where the clocks of pulses and positions differ, the positions of an aperture lie elsewhere on the

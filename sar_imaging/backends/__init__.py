@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What computes plans: one package per processor, all with the same four entries.
 
 A plan (`sar_imaging.planning`) says what is computed and how well; a backend computes it. `cpu` is

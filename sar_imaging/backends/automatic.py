@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The backend 'auto' where there is a CUDA device: each plan goes where it is done soonest.
 
 Both backends' times are predicted, transfers included. Where the device fails, or lacks memory,

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Whether a backend of one's own does what plans say: images of small scenes, and their errors.
 
 The echoes follow from the places of scatterers, and the images that are expected from the same

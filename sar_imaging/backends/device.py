@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Whether there is a CUDA device, found out without importing anything of CUDA."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """How bright what lies right beyond an image is, which AFBP's tapers do not keep out entirely."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What every backend offers: the four entries, and what they promise."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Samples of the host or a device: their way there, range compression, and who takes them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Stand-in for CuPy's arrays where Numba simulates a device: as strict as they are.
 
 NumPy's functions work on it, as on CuPy's arrays; what would copy samples of a device to the host

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Derive quantities from radar, platform and settings, and find what cannot work. No ROS.
 
 - `settings`, `parameters`, `positions`, `datum`: the configuration, from ROS parameter files too;

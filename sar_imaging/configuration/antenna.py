@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The antenna of a configuration: its pattern and its pointing, by parameters of the nodes."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Constraints of a configuration: errors and warnings, each with the parameter to change."""
 
 from __future__ import annotations

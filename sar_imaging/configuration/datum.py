@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where the imaging frame stands on the Earth, as parameters tell it, and mistakes in them."""
 
 from __future__ import annotations

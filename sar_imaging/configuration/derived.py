@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Derive resolution, ambiguities, sampling and data rates from a configuration, in closed form.
 
 A straight track, a stationary scene on the plane of the grid, and the middle of the grid for

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Read ROS parameter files as settings of the nodes, and find names that no node reads.
 
 A node ignores silently what a file says for a misspelt node or parameter; here it is an error.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Check the source of positions, and what images are weighed and calibrated by."""
 
 from __future__ import annotations

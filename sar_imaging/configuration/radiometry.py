@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Calibrated brightness of a configuration: the quantity, the radar constant and the window."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Derived quantities as lines of text: name, value, and an explanation without radar terms."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Grid for the image of a recording, chosen from what the recording tells.
 
 - Spacing: half of the finer resolution on the plane, ``c / 2B`` over the cosine of the grazing

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Settings of radar, platform and imaging, one immutable dataclass each."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Report of a node once its first block has told the radar, the pulse rate and the track.
 
 Derived quantities and problems of its settings; what needs no radar `constraints.check_settings`

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Diagnose pulses and images: name the fault of samples, channels, positions or clocks."""
 
 from .diagnose import Diagnosis, diagnose

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Phases of channels against each other, by what all of them see of the scene.
 
 Each channel's pulses make an image of their own. With right positions the images of all channels

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Coherence of an aperture: how well its pulses add up in phase, whatever the scene.
 
 An image that is not focused still has bright and dark ranges, so its own contrast says little.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Name the mistake that keeps an aperture from focusing, by imaging it without each in turn.
 
 The aperture is imaged as it was told and as it would be without each mistake of a list, and the

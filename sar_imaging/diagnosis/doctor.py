@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Tell what is wrong with a recording: faults of signals, and mistakes that spoil the image."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Frequent mistakes of users, as changes of a block that undo them.
 
 Where only range profiles are at hand, raw samples need not be: with the spectrum P0 of a

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Name a lever arm that is missing or wrong: the antenna is beside the point that poses are of.
 
 A platform that turns moves the antenna around that point, by the rotation times the arm. A part of

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Compare how far scatterers walk through range with how far the phase says that they do.
 
 Where an image is in focus, the phase of each bright scatterer follows the half path to its pixel.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Look for faults in raw pulses themselves: samples, times and channels, before any image.
 
 - `sample_findings`: clipping, missing or unequal I and Q, their order, pulses cut short, bursts;

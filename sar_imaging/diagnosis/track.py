@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Find implausible positions and times without an image, and jumps that echoes do not share.
 
 No platform has a track like the ones that `track_doubts` names. Between the rows of a raster, or

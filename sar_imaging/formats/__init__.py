@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Formats that radar engineers exchange, and where on the Earth their images are.
 
 - `sicd`: complex images with all that is known of their acquisition;

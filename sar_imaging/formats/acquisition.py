@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What is known of how an image was acquired, and an image with it and its place on the Earth."""
 
 from __future__ import annotations

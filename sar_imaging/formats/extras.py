@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The libraries that formats need: an optional extra, whose absence is one clear line."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where the pixels of an image lie on a map of the Earth: its projection and affine transform.
 
 A plane of our Cartesian frame is no plane of any map projection: the Earth curves away from it,

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images, and bands such as coherence and height, to cloud-optimised GeoTIFF and back.
 
 `write_cog` takes whole bands, or window by window what is larger than memory.

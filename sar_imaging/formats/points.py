@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Points of the imaging frame as GeoJSON and CSV with their place on the Earth, and clouds as PLY.
 
 PLY files (Turk 1994) open in CloudCompare, MeshLab, Open3D and Blender.

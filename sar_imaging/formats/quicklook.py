@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of images for people, in decibels: PNG with a world file, and KML for globes."""
 
 from __future__ import annotations

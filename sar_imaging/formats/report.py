@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A report in one HTML file: pictures, tables, warnings; nothing is loaded from elsewhere."""
 
 from __future__ import annotations

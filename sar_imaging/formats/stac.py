@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images as items of a SpatioTemporal Asset Catalog (STAC 1.1, extensions sar and projection)."""
 
 from __future__ import annotations

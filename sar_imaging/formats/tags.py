@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Our image as text that files carry along: grid, carrier, datum and report, all to the bit."""
 
 from __future__ import annotations

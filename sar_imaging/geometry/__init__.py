@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Poses, phase centres and image grids: where the radar was and where the pixels are.
 
 - `grids`, `polar`, `terrain`: pixels on a map, around an aperture, on the heights of the ground;

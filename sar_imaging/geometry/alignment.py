@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Lever arms, clock offset and range bias between a radar and the poses of its platform."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """An antenna and its mount in degrees, as data sheets, parameter files and recordings tell them.
 
 `Antenna` gives the `AntennaPattern` and `Mount` the `Pointing` that images are weighed by, see

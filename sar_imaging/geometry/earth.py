@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where the imaging frame stands on the Earth: `Datum`, and WGS 84 coordinates of its points.
 
 Everything inside the package stays in the local Cartesian frame, float64 metres. A datum carries

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Grids: the positions of pixels on a map, a plane, in a volume, on terrain or anywhere."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Half path from phase centres to points: half the way there and back, and its derivatives."""
 
 from __future__ import annotations

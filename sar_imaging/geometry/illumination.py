@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Which points a radar lights, and how brightly: antenna patterns and their pointing by pulse.
 
 Images with illumination are ``f(x) = sum_m sum_n w_mn(x) s_mn(D_mn(x)) exp(+j k_c D_mn(x))``, with

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Satellite navigation: the datum of a frame from fixes, and poses of platforms without odometry.
 
 A `Fix` says where on the Earth an antenna was. `DatumSearch` compares fixes with places in the

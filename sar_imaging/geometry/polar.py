@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Polar image grids around an aperture, in range and direction cosine along the track."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Read terrain heights from a file and interpolate them to the pixels of a map.
 
 The file is NumPy's ``.npz`` with three arrays: ``x_m`` (N,) and ``y_m`` (M,), both strictly

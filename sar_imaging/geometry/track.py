@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Track of phase centres: its frame, whether it is straight, and how it continues."""
 
 from __future__ import annotations

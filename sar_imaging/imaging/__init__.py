@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Image formation: from range profiles or phase histories of many pulses to a focused image.
 
 - `imager`: `plan_image`, the one entry that chooses the method; `image`: what it returns;

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Accelerated fast backprojection (AFBP) of a whole aperture, Zhang et al. 2014.
 
 Two stages with a seam between them: sub-apertures are backprojected onto a common polar grid, and

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Whether an imaging method of one's own does what it says: small images, and their errors.
 
 Expected images are time-domain correlation in float64, as `backends.checks` writes it out.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Time-domain correlation (TDC): the exact image, and the reference of every other imager.
 
 Rosenberg & Gray, equations 7 and 8, evaluated in float64 with the exact two-way path of every

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Multichannel backprojection with the exact two-way path of every channel.
 
 Rosenberg & Gray, equations 13 to 17 and 19: each range profile is read at the distance of each

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What every imager returns: samples, where they are, and how good they are."""
 
 from __future__ import annotations

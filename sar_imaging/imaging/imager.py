@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """One way to an image: `plan_image` chooses the imager, and all of them are used alike."""
 
 from __future__ import annotations

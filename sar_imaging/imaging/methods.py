@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What `plan_image` asks of a method, and which methods there are.
 
 A method is planned for the phase centres of some pulses and forms images of blocks from there.

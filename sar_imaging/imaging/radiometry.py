@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What the squared magnitude of a calibrated image is, its unit and its level of noise."""
 
 from __future__ import annotations

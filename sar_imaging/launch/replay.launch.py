@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Check the configuration, start the nodes, and replay a recording into them."""
 
 from sar_imaging.tools.launching import describe

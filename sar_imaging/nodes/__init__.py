@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """ROS 2 nodes that turn pulses into images; they hold no mathematics.
 
 `radar_driver`, `pulse_buffer`, `range_compression`, `backprojection`, `afbp_fusion` and

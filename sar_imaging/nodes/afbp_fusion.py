@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Node afbp_fusion: fuse sub-aperture images while they arrive, and at the end of apertures."""
 
 from __future__ import annotations

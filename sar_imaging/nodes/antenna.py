@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of the antenna: which pixels a pulse lights, and where it looks."""
 
 from __future__ import annotations

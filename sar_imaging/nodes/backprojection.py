@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Node backprojection: form images, volumes, or sub-aperture images of AFBP, from profiles."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Node moving_targets: find moving targets in the range profiles of several channels."""
 
 from __future__ import annotations

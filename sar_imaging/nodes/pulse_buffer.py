@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Node pulse_buffer: order pulses, find gaps and duplicates, cut blocks within apertures."""
 
 from __future__ import annotations

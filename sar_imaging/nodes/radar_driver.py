@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Node radar_driver: raw messages of a radar's driver to pulses."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Node range_compression: turn raw pulse blocks into range profiles."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Node sar_pipeline: turn pulses into images in one process, without messages in between."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What is computed for an image, with which error and at which cost, before any pulse is touched.
 
 Plans are float64 NumPy and know no processor; `sar_imaging.backends` computes them.

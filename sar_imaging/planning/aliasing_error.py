@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Error of band-limited interpolation between a coarse and a fine grid by their spectra.
 
 Fusing spectra interpolates each sub-aperture image with the period of the whole grid, although the

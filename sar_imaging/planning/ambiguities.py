@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Ghosts that pulses too far apart, or too soon after each other, leave in any image.
 
 The ghosts of a scatterer along the track are where the paths of all echoes differ from its own by

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What the operations of a backend cost, in nanoseconds of one thread.
 
 Plans choose by these costs what is quickest. They are the same everywhere unless measured costs

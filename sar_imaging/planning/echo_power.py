@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Which echoes an image's power comes from, and how their amplitude widens their spectrum.
 
 The power of n echoes at different places grows as n, that of n echoes at one place as n squared.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Polynomial interpolation of band-limited range profiles, with its error known beforehand.
 
 A profile sampled ``oversampling`` times above its bandwidth is represented in each interval

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pairs of an echo and a pixel that it lights, from which errors of images with beams are told.
 
 What illumination does to an image is worst where patterns end: there few pairs make most of an

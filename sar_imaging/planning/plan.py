@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What all plans have in common: predicted error by cause, and comparison by value.
 
 Errors are mean squares relative to the power of the image, in dB. Those of different causes are

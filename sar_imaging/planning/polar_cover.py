@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Polar grid that covers a map: where it lies, how finely it is sampled, and how the map is read.
 
 Sampling follows from the local frequencies of the image, which are the derivatives of the half

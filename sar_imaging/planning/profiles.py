@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """How range profiles are prepared for an image: cut to the ranges it needs, and resampled.
 
 Backprojection reads range profiles on a lattice whose spacing is the half-path distance between

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Lengths of Fourier transforms that are quick: of SciPy's, and of the processor's own backend."""
 
 from __future__ import annotations

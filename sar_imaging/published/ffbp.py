@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fast factorised backprojection (FFBP): Ulander, Hellsten, Stenström, IEEE Trans. AES 39, 2003.
 
 After Zhang et al. (see `imaging.afbp`), section II.A and figure 2a: images of short sub-apertures

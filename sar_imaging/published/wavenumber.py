@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Wavenumber imaging: L. Rosenberg, D. Gray, Multichannel SAR Imaging with Backprojection.
 
 Spatial matched-filter interpolation (omega-k with Stolt), equations 9 to 12, for any number of

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Zero-padded backprojection: L. Rosenberg, D. Gray, Multichannel SAR Imaging with Backprojection.
 
 Equations 13 to 19: the spectrum of each profile is padded with zeros by a ratio (14), the profile

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Image quality: impulse responses, error against a reference, focus, entropy, contrast.
 
 - `impulse_response`: widths and sidelobes of cuts, and of scatterers in an image;

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Impulse response width (IRW) and sidelobe ratios (PSLR, ISLR) of cuts and of scatterers."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Band-limited interpolation of sampled cuts and images, accurate to the edges of the data.
 
 The weights are those of Yen (1956): of all linear estimates from `TAPS` uniform samples they

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measures of a whole image: error against a reference, and focus, or whether all of it is noise.
 
 Noise, and any scene that is not focused, images as speckle: a complex Gaussian number per pixel,

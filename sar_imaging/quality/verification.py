@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Error of an image against time-domain correlation, estimated from a few of its pixels.
 
 Correlation of every pixel takes hours where an imager takes seconds. The brightest pixels hold

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Calibrated brightness: from image samples to radar cross sections and backscatter coefficients.
 
 - `constant`: the radar constant, which ties samples to square metres; reflectors of known size;

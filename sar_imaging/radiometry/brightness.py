@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Cross section, beta nought, sigma nought and gamma nought of images, and their noise level."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The radar constant, which ties the samples of range profiles to square metres."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What an image makes of a target, of a rough surface and of noise, at each of its pixels.
 
 In the image ``f(x) = sum_m w_m s_m(D_m(x)) exp(+j k D_m(x))`` a target at x of cross section 1 m^2

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What the samples of an image are multiplied by, told at some of its pixels and for any part.
 
 A response changes little from pixel to pixel, and little from pulse to pulse. So some pulses stand

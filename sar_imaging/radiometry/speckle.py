@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Speckle: mean power over looks, and how many independent looks an image has."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Recorded pulses: bags, CPHD files, and arrays of any layout by a description in YAML.
 
 `open_pulses` is the door: it opens all of these, and gives a `PulseSource` with radar, poses,

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The antenna of a description: its pattern, and where it looks."""
 
 from __future__ import annotations

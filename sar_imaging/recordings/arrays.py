@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Load measured data by their description: pulses, poses, and what is known of the scene."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Files of bags, looked through before a library reads them.
 
 A reader of MCAP (https://mcap.dev/spec) believes the sizes that records claim, and one of ROS 1

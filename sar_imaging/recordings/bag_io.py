@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Recordings of pulse blocks: rosbag2 folders (mcap) with the truth in their metadata.
 
 Needs `rosbags` and no ROS. Topic `/pulses` of type std_msgs/msg/Float32MultiArray; the time of a

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Variables of data files: NumPy, MATLAB, HDF5, CSV, P440 logs; sizes are checked before reading.
 
 Names of nested variables have points: ``data.fp`` is the field fp of the MATLAB structure data,

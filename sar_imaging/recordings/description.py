@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The description of measured data: a YAML file read key by key, with errors that say what to do.
 
 Every number may be given as the name of a variable of the data file instead.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Raw radar messages and poses from ROS bags, of ROS 1 or 2, by the definitions in the bag."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Frames of raw radar messages as pulse blocks: order of samples, times, channels, lost frames.
 
 A driver sends a frame of several chirps as one message. `FrameConverter` makes one pulse of each

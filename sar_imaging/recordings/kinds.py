@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Which kind a file is, by its first bytes, or shall be, by its name."""
 
 from __future__ import annotations

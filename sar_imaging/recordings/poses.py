@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Poses of a platform from files: CSV, TUM trajectories, OptiTrack exports, arrays, bags.
 
 `poses_around` and `told_of_poses` compare them with the pulses that they are for.

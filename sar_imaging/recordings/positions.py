@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Positions of the radar at its pulses, given without a clock of their own."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The door to recorded pulses: `open_pulses` opens a file of any format.
 
 What comes out tells radar, poses, frame, datum and scene alike, and gives the pulses in blocks of

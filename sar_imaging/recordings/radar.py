@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Radar parameters of a description, and phase histories referenced to one range."""
 
 from __future__ import annotations

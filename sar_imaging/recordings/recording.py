@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pulses, apertures and phase centres of a recording: its index, and its pulses in place."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Samples of measured data as (pulses, channels, samples): layout, I/Q order and sign."""
 
 from __future__ import annotations

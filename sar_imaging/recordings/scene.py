@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What a description tells of the scene: where to image, what stands there."""
 
 from __future__ import annotations

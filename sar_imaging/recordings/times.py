@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Times of pulses and poses as nanoseconds, and which pulses are used."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Truth of a recording: its scene, radar and antenna, with which its evaluation compares."""
 
 from __future__ import annotations

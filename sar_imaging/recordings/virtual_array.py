@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The virtual array of a description: phase centres of all channels, and when each is sent."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Radar parameters, waveforms, pulse blocks and range compression.
 
 - `radar`, `waveforms`, `dechirp`, `windows`: the radar, its pulse, FMCW ramps, spectral weights;

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Remove static echoes and antenna coupling: the mean over slow time is subtracted.
 
 The direct path from transmitter to receiver, reflections inside the radar and from its own

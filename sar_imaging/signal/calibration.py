@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Channel calibration: amplitude, phase and delay of each channel relative to the others.
 
 A channel with errors records ``g exp(j phi) s(t - delta)`` where a perfect one records the

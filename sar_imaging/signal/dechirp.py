@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Radar parameters of an FMCW radar from its data sheet, and their limits.
 
 The receiver mixes the echo with the ramp that is being transmitted, of frequency ``f_s + K t`` at

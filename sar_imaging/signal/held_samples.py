@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Objects that NumPy and arithmetic take for the array of samples that they hold."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Recognise numbers in a wrong unit by their magnitude, and name the unit that was meant.
 
 A radar's numbers come from data sheets in gigahertz, megahertz per microsecond and microseconds.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Compute positions of pulses, and where the antenna looks, from poses on a clock of their own."""
 
 from __future__ import annotations

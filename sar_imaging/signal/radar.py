@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of the transmitted pulse and of the receiver's sampling."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Range compression: turn raw pulses into range profiles that follow the signal model.
 
 Output, whatever the waveform: ``s(tau) = sum_p a_p p(tau - tau_p) exp(-j 2 pi f_c tau_p)``

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fast-time spectra of range profiles and phase histories, the input of correlation."""
 
 from __future__ import annotations

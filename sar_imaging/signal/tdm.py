@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Time-division MIMO: phase centres of transmitters that take turns while the platform moves.
 
 A MIMO radar with N_t transmitters and N_r receivers makes N_t N_r channels from N_t pulses, one

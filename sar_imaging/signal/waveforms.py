@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The transmitted linear frequency modulated (LFM) pulse at baseband.
 
 ``s(t) = exp(j pi K (t - T/2)^2)`` for ``0 <= t < T``: the frequency sweeps linearly from

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Spectral weighting: trades the width of the main lobe against the height of the sidelobes.
 
 A window is named by a string, so that it can be a ROS parameter or a command-line option:

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Simulated radar data: scenes, tracks and the echoes that a receiver would record.
 
 - `scene`, `movers`, `shadows`, `jammer`, `noise`, `trajectory`: what there is and how it moves;

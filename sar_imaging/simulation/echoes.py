@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Simulate the echoes of point scatterers over exact two-way paths, as a receiver records them.
 
 All but FMCW come from the same spectrum ``sum_p a_p exp(-j 2 pi (f_c + f) tau_p)`` with

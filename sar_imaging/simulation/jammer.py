@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Simulate a jammer: band-limited noise from one place, exactly delayed to each receiver."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Simulate moving scatterers, with their exact positions at the times of the pulses."""
 
 from __future__ import annotations

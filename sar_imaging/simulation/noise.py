@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Gaussian random numbers that are the same on every machine and with every version of NumPy.
 
 NumPy keeps the raw stream of a bit generator for ever, but not that of `Generator.normal`; a

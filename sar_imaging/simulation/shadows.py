@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Shadows in a simulated scene: boxes and tree crowns between the radar and the scatterers."""
 
 from __future__ import annotations

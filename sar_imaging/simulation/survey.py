@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Surveys: many recordings of neighbouring patches of ground, each from a frame of its own.
 
 A platform flies along y of the survey's frame and looks along +x at squares, one for each

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Apertures whose stated positions are wrong in a known way, to test autofocus on."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Platform positions at the pulses: a straight track with perturbations, or a raster."""
 
 from __future__ import annotations

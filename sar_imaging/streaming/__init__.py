@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images while the pulses arrive: apertures filled, sub-apertures formed and fused, strips grown.
 
 - `aperture`: one image per aperture by exact backprojection;

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Form one image per aperture from range profiles as they arrive."""
 
 from __future__ import annotations

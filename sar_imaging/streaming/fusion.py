@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Second stage of AFBP while sub-aperture images arrive: fused images of every aperture."""
 
 from __future__ import annotations

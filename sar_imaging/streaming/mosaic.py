@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Strip of map patches that follow the platform, on one lattice of pixels."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Corrected trajectories for apertures imaged already: only what they touch is redone."""
 
 from __future__ import annotations

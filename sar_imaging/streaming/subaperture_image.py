@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Coarse polar image of one sub-aperture: what travels from backprojection to AFBP fusion."""
 
 from __future__ import annotations

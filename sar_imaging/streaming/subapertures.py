@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """First stage of AFBP while the pulses arrive: sub-aperture images of every aperture."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Command-line programs: simulate, evaluate, calibrate, check a configuration, load recordings.
 
 `command` is the one program `sar-imaging`, of which the others are commands. What they share:

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Arguments that several commands have: one name, one text, and one way to read them."""
 
 from __future__ import annotations

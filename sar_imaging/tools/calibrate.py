@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Estimate the channel calibration of a radar from a recording and save it as YAML.
 
 Run: python -m sar_imaging.tools.calibrate BAG --reflector 12.0 3.0 0.0 --output channels.yaml

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Check a parameter file: derived quantities, and what cannot work with what to change.
 
 Run: python -m sar_imaging.tools.check_config sar_imaging/config/airborne_x_band.yaml

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """One program for all tools: `sar-imaging COMMAND ...`, such as `sar-imaging simulate psf`."""
 
 from __future__ import annotations

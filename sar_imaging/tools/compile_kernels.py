@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Compile all kernels of the nodes once, so that their first start does not wait for it.
 
 Run: python -m sar_imaging.tools.compile_kernels

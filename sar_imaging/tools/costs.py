@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Costs of the operations of imaging on this machine: of its processor, or of a CUDA device.
 
 Small images show them by their times, in pairs that differ in one count. Their samples are noise,

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Print what a report of a fault tells of a machine: versions, processor, ROS, device, variables.
 
 Run: python -m sar_imaging.tools.environment

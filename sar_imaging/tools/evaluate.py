@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Replay a recording through the running nodes and measure the image they make.
 
 Run: python -m sar_imaging.tools.evaluate bags/spotlight --output out/demo --launch-nodes

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Common parts of the launch files: arguments, check of the configuration, start of the nodes.
 
 `launch` and `launch_ros` come with a ROS installation alone and are imported where they are used.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Write layouts of RViz and Foxglove that fit a radar: its frame, its scene, its namespace.
 
 Run: python -m sar_imaging.tools.layouts automotive_77ghz --output out/layouts

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Turn measured data and their description in YAML into a recording.
 
 Run: sar-imaging load DESCRIPTION [DATA] --output out/bags/mine

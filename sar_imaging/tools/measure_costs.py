@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure what the operations of imaging cost on this machine, for plans and predicted times.
 
 Run: python -m sar_imaging.tools.measure_costs --output costs.json

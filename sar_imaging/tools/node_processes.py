@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Run the nodes as child processes, for programs and tests that need the whole chain."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """How commands begin and end: arguments, exit status, one line for an error.
 
 They end quietly when nobody reads them any more: a closed pipe (`sar-imaging info X | head -1`) is

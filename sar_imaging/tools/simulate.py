@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Simulate a scenario or a configured radar and write a rosbag2 recording with its truth.
 
 Run: python -m sar_imaging.tools.simulate psf --output bags/psf

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Simulate an archive: recordings of a strip of ground, some of them broken, with its truth.
 
 Run: sar-imaging simulate archive --output out/archive

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Wait until nodes are active, so that what follows finds them ready for pulses.
 
 Run: ros2 run sar_imaging wait_until_active pulse_buffer backprojection

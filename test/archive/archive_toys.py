@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pieces that compute little and misbehave on demand; workers import them by this name."""
 
 import errno

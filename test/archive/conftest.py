@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Job files, a small archive, pieces that misbehave, and workers of this machine."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Scheduler and workers as processes of their own, as on a cluster."""
 
 import contextlib

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Workers that Dask forks from a process that has loaded what they import, for two seconds each.
 
 Tests of the command start theirs as users do.

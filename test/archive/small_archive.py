@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A small archive: recordings of a strip, their scans, and the job that images them."""
 
 from __future__ import annotations

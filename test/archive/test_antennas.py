@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Archives of recordings with an antenna: images are weighed by it as `sar-imaging image` does."""
 
 import dataclasses

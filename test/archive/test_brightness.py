@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Archives in calibrated brightness: a reflector has its cross section in every product."""
 
 import dataclasses

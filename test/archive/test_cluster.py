@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Running clusters: what is refused, in one line each; two network namespaces."""
 
 import contextlib

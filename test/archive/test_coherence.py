@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Coherence of two passes, tile by tile: that of the whole images, and complete or refused."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The command on a simulated archive: exit status, losses, the same bits however it runs."""
 
 import json

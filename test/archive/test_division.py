@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Divisions: every pixel and pulse once, within memory, the same whoever works; plans printed."""
 
 import dataclasses

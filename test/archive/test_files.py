@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Files for other programs: values to the bit, places on the Earth, and what made them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images of apertures: right, in parts, from disk, and with an error that is told."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pulses stream from the disk: the memory of an image does not grow with its recording."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Job files: what three lines mean, and fifty that are wrong, each with a line that says how."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Maps larger than the plane and the memory: reflectors stay where they are on the Earth."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pieces travel, and tell whether they are still the same."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Predicted memory of pieces bounds what a process that images them takes."""
 
 import json

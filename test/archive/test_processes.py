@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Jobs as processes: killed with all their workers, interrupted, with other numbers of workers."""
 
 import json

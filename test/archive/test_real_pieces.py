@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Campaign: two simulated archives, every kind of piece, the same bits however they are computed.
 
 By 1, 2 and 4 workers, by workers in two network namespaces, with workers killed at random

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Scans: footprints and phase centres on the map, and why recordings are lost."""
 
 import dataclasses

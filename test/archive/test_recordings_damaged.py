@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Damaged recordings: whatever the bytes, they are imaged, or lost with a line."""
 
 import re

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Recordings of a job: folders, globs, lists and catalogues; names; whose datum is taken."""
 
 import datetime

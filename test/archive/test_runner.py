@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pieces on real workers: order, losses, retries, what is never computed twice."""
 
 import json

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Strips and mosaics: mean power of what covers a pixel, and how many images do."""
 
 from __future__ import annotations

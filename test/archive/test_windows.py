@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Windows of the lattice: pixels, tiles and grids; surfaces beside the curvature of the Earth."""
 
 import numpy as np

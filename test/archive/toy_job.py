@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A job of toys as a process of its own: prints every finished piece, then the summary as JSON.
 
 Arguments: output folder, leaves, workers, rounds, and the address of a scheduler or nothing.

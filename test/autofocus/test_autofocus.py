@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Autofocus of whole apertures against the image of the true positions."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What autofocus accepts and what it claims, each condition against data that meets the others."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Autofocus with the settings of the nodes: an aperture with holes, and a clock that is off."""
 
 from __future__ import annotations

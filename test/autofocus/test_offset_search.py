@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Search for the offset of two clocks by trial images, and what its curve is worth."""
 
 from __future__ import annotations

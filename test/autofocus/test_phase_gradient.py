@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Phase gradient autofocus on polar images of spotlight apertures with known phase errors."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Steps of autofocus by themselves: bright points are kept apart, a phase becomes parameters."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Phase centres as functions of time, from poses and from pulses."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Small scenes whose profiles come straight from the signal model."""
 
 import pytest

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Which backend computes a plan: the processor's, that of a device, or one after the other."""
 
 import logging

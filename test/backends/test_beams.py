@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Sub-aperture images by way of beams, against exact backprojection to the same pixels."""
 
 import dataclasses

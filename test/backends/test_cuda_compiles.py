@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Every kernel of the CUDA backend compiles for a device: the simulator takes more than it does.
 
 No device is needed, but the extra `cuda`; `make gpu` runs this first.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The tests of the CUDA backend in Numba's simulator of a device.
 
 The longest, of whole images, are left to `make simulator`.

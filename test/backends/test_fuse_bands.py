@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Spectra joined by compiled code and by the formula; waves of any band arrive."""
 
 import numpy as np

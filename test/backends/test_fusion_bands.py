@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Bands of sub-aperture images in the fused spectrum, against sums written out."""
 
 import numpy as np

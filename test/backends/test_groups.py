@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Maps from groups of echoes near the antenna, against time-domain correlation in float64.
 
 Correlation is the reference backend's: it knows no group, grid or interpolator. What images err

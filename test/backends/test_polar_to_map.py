@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Polar images on maps: a wave in range and direction has a closed form on both."""
 
 from __future__ import annotations

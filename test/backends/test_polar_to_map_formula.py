@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random polar images on maps, by compiled code and by the formula."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Kernels compiled for other processors than this one, which runs their code, too.
 
 Each runs tests of this suite in a process of its own. `make processors` takes all kernel tests and

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Lines of an image against sums written out, with given polynomials and with profiles."""
 
 import dataclasses

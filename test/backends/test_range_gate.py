@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Windows of range profiles against whole ones, on noise that fills them."""
 
 import numpy as np

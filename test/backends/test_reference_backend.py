@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Whole small images by every backend against correlation, and what the reference is besides."""
 
 import subprocess

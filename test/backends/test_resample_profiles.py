@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Polynomials of profiles against their definition, and against the Fourier series of profiles."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Transforms of rows against NumPy's in double precision."""
 
 import numpy as np

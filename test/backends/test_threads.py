@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Jobs that tasks take in turn: each is done, and done once."""
 
 import numba

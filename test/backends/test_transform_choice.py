@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """SciPy's transforms in place of the own ones: where the environment asks for them."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images of parts, merged by compiled code and by the formula; waves arrive as predicted."""
 
 import numpy as np

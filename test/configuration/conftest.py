@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A configuration in which nothing is wrong, and ways to vary it."""
 
 import dataclasses

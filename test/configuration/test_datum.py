@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The datum in a parameter file: one for all nodes, told once."""
 
 import pytest

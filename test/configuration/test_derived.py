@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Derived quantities against closed forms written down here, and against brute force."""
 
 import dataclasses

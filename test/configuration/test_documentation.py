@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The page on configuration tells what the checker derives and reads."""
 
 import contextlib

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Parameter files are read as ROS reads them, and what no node would read is an error."""
 
 import dataclasses

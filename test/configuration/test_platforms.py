@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The shipped configurations: nothing is wrong, and images are what the checker derives."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Grids chosen from radar, track and swath: closed forms, and what the profiles cover."""
 
 from __future__ import annotations

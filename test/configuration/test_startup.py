@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What nodes tell at their start follows from parameters and the first block alone."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Volumes in a configuration: cells, distances, memory and what cannot be."""
 
 from __future__ import annotations

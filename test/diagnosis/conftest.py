@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A small rail with an FMCW radar, right in every respect."""
 
 import numpy as np

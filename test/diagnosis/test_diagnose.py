@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Mistakes are named on a simulated rail, and on measured data; never on what is right."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Rules of the doctor for what hardly shows in the focus: walk through range, jumps, arrays."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Faults injected into random recordings are named; right recordings have none."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Oddities of positions and times, each at the end of what is taken for right."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Every block of code of the pages is run; what cannot be run here stands with its reason."""
 
 from __future__ import annotations

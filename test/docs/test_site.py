@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The documentation site builds without a warning; drawings are those of their blocks."""
 
 from __future__ import annotations

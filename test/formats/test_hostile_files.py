@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Hostile files and places: a sample of the campaigns of `benchmarks`, or all of them."""
 
 from __future__ import annotations

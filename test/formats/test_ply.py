@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """PLY files, read by the format's definition: a header of lines, then the vertices."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Bands of numbers on maps: values to the bit, places to half a centimetre."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Antennas and mounts in degrees, as files tell them: the same as the patterns in radians."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The datum and WGS 84 coordinates, against PROJ and against what is known of the ellipsoid."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Planes and volumes: where their pixels are, and what is refused."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Antenna patterns and pointing: closed forms, conventions, and what is refused."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fits of straight tracks and refusals of others."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Frame of a track: against directions that are known."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Tracks that are foreseen from their first pulses."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """AFBP against exact backprojection, whose own error against correlation is below -80 dB."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """AFBP of the measured Gotcha pass, a curved track, against exact backprojection."""
 
 import pathlib

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Backprojection onto terrain and arbitrary points, against float64 time-domain correlation."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Time-domain correlation against direct sums and Rosenberg & Gray's figures."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Correlation of sampled profiles, and the error measured by it, for every waveform."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Costs: plans follow them, files hold them, and what is no cost is refused."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A method and a backend of somebody else: those of docs/extending.md, and what is refused."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images, predictions and plans are those that were pinned before the imaging core is rebuilt."""
 
 import json

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images with illumination against weighted correlation, by every method and pointing."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """An image in arithmetic is the array that it holds."""
 
 from __future__ import annotations

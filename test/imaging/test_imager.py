@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The one entry: choice of the method, the same result from all of them, and their options."""
 
 from __future__ import annotations

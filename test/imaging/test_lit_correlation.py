@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Weighted correlation, what images with illumination are measured against."""
 
 import dataclasses

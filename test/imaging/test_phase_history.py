@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """AFBP from phase histories, without range compression before, against float64 correlation."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Backprojection onto planes of any orientation and volumes, against time-domain correlation.
 
 Points are focused where they are, as wide as theory says: 0.886 of the null spacings ``c / 2B`` in

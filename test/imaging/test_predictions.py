@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Predicted errors on random radars, tracks and maps; `make prediction-campaign` has thousands."""
 
 import dataclasses

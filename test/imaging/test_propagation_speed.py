@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Radar in the ground and sonar: waves of another speed, imaged by every imager.
 
 Where all lengths and the speed shrink by the same power of two, all delays and phases stay what

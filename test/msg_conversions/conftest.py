@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Blocks to convert: a factory for chosen shapes and a strategy for arbitrary ones."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """docs/wire_format.md is what others implement: its Python example must write valid blocks."""
 
 from __future__ import annotations

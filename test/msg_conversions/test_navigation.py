@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fixes, attitudes and the datum as messages."""
 
 import contextlib

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Moving targets to point clouds and back, also clouds that others wrote."""
 
 from __future__ import annotations

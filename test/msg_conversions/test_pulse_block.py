@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Conversions with the real message classes, also through the middleware's serialisation."""
 
 from __future__ import annotations

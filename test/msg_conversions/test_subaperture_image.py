@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Sub-aperture images: round trip, layout, refusal of everything malformed."""
 
 from __future__ import annotations

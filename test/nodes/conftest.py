@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Real node processes on a domain of their own, and an observer that sees what they publish."""
 
 import collections

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Steps without a node: their parameters, their counters and log, what they publish."""
 
 import contextlib

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The antenna in the nodes: where it looks, what it lights, and what is refused."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """range_compression subtracts static background over the blocks, and refuses what cannot be."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Configuration, launch and documentation say the same as the nodes' parameter tables."""
 
 import re

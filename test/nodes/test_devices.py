@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Nodes with a device that is missing, and with one that fails; they live on."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Life cycle, services, simulated time, several radars: how the nodes are operated."""
 
 import signal

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A stripmap through the nodes: beams that pass over the scene, weighed as correlation weighs."""
 
 import pytest

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Sub-aperture images into fusion, as separate processes and as a pipeline, against exact ones."""
 
 import dataclasses

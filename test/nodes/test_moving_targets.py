@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The node moving_targets: from a recording of cars on clutter to point clouds."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """All stages in one process: the images of the separate nodes, to the last bit."""
 
 import re

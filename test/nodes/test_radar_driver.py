@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """radar_driver: messages of a radar's driver over DDS become pulses."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """radar_driver with the messages of real drivers, built from their definitions, over DDS."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Recordings replayed through the three real processes over real DDS, against exact images."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Access control of SROS 2: the policy names what the nodes really have, and who may do what."""
 
 import subprocess

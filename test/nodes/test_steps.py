@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Steps without nodes: what they count as underway, missing and dropped."""
 
 import dataclasses

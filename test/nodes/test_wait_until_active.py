@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A program that ends when nodes are active: what the replay of a launch file waits for."""
 
 import contextlib

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """How long the tests of this folder wait: while there is progress, and no longer."""
 
 import pytest

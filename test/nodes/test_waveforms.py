@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """range_compression takes every waveform as it comes, cuts its range window, calibrates."""
 
 from __future__ import annotations

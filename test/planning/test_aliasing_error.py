@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What tapers do to the lines that a map is read from, against lines that were tapered."""
 
 import dataclasses

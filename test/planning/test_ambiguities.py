@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Ghosts of a scatterer, against those that an image of its echoes has."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Paths of echoes as beams take them, against distances, and what beams cost at least."""
 
 import dataclasses

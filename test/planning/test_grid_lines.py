@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Lines of a map run along the axis that range follows, and away from the track."""
 
 import numpy as np

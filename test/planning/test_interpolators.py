@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The polynomial interpolator against exact tones, and its predicted error."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pairs that tell errors of images with beams: none is left out, and their mean is bounded."""
 
 import functools

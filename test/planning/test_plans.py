@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Plans: compared by value, pickled, with errors by cause, time and memory."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What predicted errors are made of: power of echoes, windows of profiles, interpolators."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Lattices of range along image lines: none where range does not grow."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Bounds of the half paths to a polar grid, which say what of the profiles is needed."""
 
 import numpy as np

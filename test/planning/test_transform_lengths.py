@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Lengths of transforms: powers of small numbers cost little, other factors much."""
 
 import pytest

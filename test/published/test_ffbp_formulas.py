@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """FFBP against its formulas in plain NumPy: its kernels and whole images."""
 
 import functools

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Predicted errors of FFBP hold over random geometries, samplings and scenes."""
 
 from __future__ import annotations

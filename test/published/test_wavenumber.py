@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Wavenumber-domain images against float64 time-domain correlation of the same spectra."""
 
 import dataclasses

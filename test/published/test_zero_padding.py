@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Zero-padded backprojection against the paper's equations and time-domain correlation."""
 
 import dataclasses

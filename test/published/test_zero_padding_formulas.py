@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Backprojection of zero-padded profiles against its formula in plain NumPy."""
 
 import numpy as np

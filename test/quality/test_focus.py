@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The focus figure: noise is told from what stands out, by its closed form."""
 
 import math

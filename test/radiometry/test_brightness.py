@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Calibrated brightness of simulated reflectors, rough surfaces and noise against the truth."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Brightness of images as they come: one response for many images, with and without an antenna."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Responses of images against closed forms and against integrals of images of one target."""
 
 import numpy as np

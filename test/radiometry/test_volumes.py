@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Cross section of points in volumes, by the radar equation."""
 
 import dataclasses

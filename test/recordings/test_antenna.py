@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Descriptions with an antenna: pulses come with their pointing, or the mount for the poses."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Recordings tell their antenna: to the nodes' parameters, and to those who image files."""
 
 import dataclasses

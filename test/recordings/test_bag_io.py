@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Recordings: what is written comes back, half a bag never stays."""
 
 from __future__ import annotations

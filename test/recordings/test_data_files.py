@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Variables of NumPy, MATLAB and HDF5 files."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Descriptions: what is wrong is said in one line that names the key."""
 
 from __future__ import annotations

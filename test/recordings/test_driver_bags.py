@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A simulated scene as each driver publishes it, with its traps, comes out where it belongs."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """When frames began, and whether the period of a description fits the stamps."""
 
 from __future__ import annotations

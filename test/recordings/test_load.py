@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Simulated data, stored as radars and loggers store them, come out as the pulses they were."""
 
 from __future__ import annotations

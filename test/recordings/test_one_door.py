@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """One flight as arrays, as a recording and as CPHD: each comes out with the same fields."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Logs of a P440 as its maker's programs write them."""
 
 from __future__ import annotations

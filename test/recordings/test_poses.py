@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Poses of every format tell the same track, in the frame of the image."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The example of docs/preparing_radar_data.md writes a recording that reads back."""
 
 from __future__ import annotations

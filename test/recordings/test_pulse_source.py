@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Files of pulses: all apertures of a recording, read once."""
 
 from __future__ import annotations

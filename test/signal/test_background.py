@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Static background against echoes of a scene that is passed by: closed forms and an image."""
 
 from __future__ import annotations

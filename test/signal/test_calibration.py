@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Channel calibrations: applied to profiles and raw pulses, saved and loaded."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """FMCW beat signals to range profiles, against closed forms."""
 
 from __future__ import annotations

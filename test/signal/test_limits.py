@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Every limit of the signal processing, just inside and just outside."""
 
 from __future__ import annotations

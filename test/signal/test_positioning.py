@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pulses without positions meet the poses of their platform."""
 
 from __future__ import annotations

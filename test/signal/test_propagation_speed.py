@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Waves in the ground, in water and in air: one number of the radar, and everything scales."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Radar parameters and pulse blocks: shapes, derived figures, refusals."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Range compression against closed forms and direct sums."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where the pulses of images formed while they arrive were sent, against the pulses."""
 
 import dataclasses

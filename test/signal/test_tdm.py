@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Transmitters in turns on a moving platform, and what it costs to ignore that they are."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Passband samples to profiles, and the removal of what the antennas return themselves."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The recording of the demo: what a radar engineer looks for in an image, in numbers."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Spectra of many scatterers against the sum over each of them."""
 
 from __future__ import annotations

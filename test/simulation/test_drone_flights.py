@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Simulated flights of drones whose radar and poses have clocks of their own."""
 
 import numpy as np

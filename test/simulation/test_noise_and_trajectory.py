@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Reproducible noise and the track with its perturbations."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Scenarios: parameters of the paper, samples that do not depend on blocks, TDC's figures."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Shadows against the trigonometry of a flat earth."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Echoes of an antenna with a pattern: each scatterer by itself, times its amplitude."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Apertures that are imaged by AFBP while the pulses arrive, and exact images of their pulses."""
 
 import numpy as np

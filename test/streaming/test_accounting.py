@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What live AFBP says about an image and its memory, and which sub-apertures and pulses count."""
 
 import dataclasses

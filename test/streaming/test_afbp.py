@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """AFBP while the pulses arrive, against exact backprojection of the same pulses."""
 
 import numpy as np

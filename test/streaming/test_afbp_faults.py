@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """AFBP of pulses and sub-apertures that are lost, late, repeated or contradict each other."""
 
 import dataclasses

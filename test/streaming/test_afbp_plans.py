@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Plans of AFBP from a track that is foreseen: when they hold, and when they are made anew."""
 
 import dataclasses

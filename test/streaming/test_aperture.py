@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Apertures: when they close, what they contain, what happens to late and repeated pulses."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Predicted errors of AFBP while pulses arrive, where the flown track is not the foreseen one."""
 
 from benchmarks.support.random_cases import random_case

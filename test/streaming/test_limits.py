@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Limits of imaging while pulses arrive, just inside and just outside."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """AFBP with illumination while the pulses arrive, against correlation with the same weights."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Sliding and strip map apertures of live AFBP, against exact backprojection."""
 
 import dataclasses

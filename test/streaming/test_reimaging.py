@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Corrected phase centres in an image that is there already."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The tool calibrate: a recording with channel errors in, a YAML file out."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The command line: table, exit codes, and what it says about a wrong file."""
 
 import pytest

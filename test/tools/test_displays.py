@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """RViz configuration, Foxglove layout and Fast DDS profile fit the nodes and the middleware."""
 
 import ast

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Launch files in the forms of a robot's bringup: what is started, where `launch` can be imported.
 
 Executables stand for those of the package: each writes down its command line and ends. The last

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Launch files: what they ask for exists, and where launch is installed they are executed."""
 
 import ast

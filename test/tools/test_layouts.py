@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Layouts of RViz and Foxglove that fit a configuration."""
 
 import json

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The command: description and data become a recording that the house's tools image."""
 
 from __future__ import annotations

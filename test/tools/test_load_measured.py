@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measured recordings by their descriptions: the messages are those that were written before.
 
 The digests were taken of the recordings of the four loaders that the descriptions took the place

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measured costs: they explain times of images, fill the file, and plans are made with them."""
 
 from __future__ import annotations

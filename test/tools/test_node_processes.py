@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Node processes that programs start: refused, stopped, killed and started again."""
 
 import re

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Warnings of `sar-imaging load` on scenes that no image can show."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The simulate command, and that the recordings of bags/ are what it writes."""
 
 from __future__ import annotations

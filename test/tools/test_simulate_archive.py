@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Simulated archives: reflectors where they are said to be, damage, the same bytes again."""
 
 import json

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The compiled backend: vectors, threads, own Fourier transforms and memory of their own.
 
 Its entries (`backends.protocol`) are imported when they are used first, so

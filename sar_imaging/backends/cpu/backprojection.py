@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Exact backprojection of range profiles, by the way that a plan says.
 
 Polar images of parts are interpolated to the lines of their sum in tiles that stay in cache.

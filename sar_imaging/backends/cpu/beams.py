@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """First stage of AFBP: images of sub-apertures on their coarse polar grid, from beams or directly.
 
 Direct backprojection reads each pulse for every line; beams are few sums over the pulses.

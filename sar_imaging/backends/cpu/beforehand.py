@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Compiles the kernels of an entry, or loads them from the cache, before the first pulse arrives.
 
 Small silent images are formed. It takes some seconds the first time on a machine and well under

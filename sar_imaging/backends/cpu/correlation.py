@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Time-domain correlation of spectra and of profiles, float64, many points side by side."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What this backend's operations cost, as measured on this machine and told to it."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fourier transforms of many rows or columns at once, in place, in the registers of the processor.
 
 Libraries transform one column after the other, or a few together. Where many columns lie side by

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Second stage of AFBP: sub-aperture images fused by their spectra, and read onto a map.
 
 Zhang et al., section II.B; `backends.reference.fuse_bands` has the formulas. Unfolding the bands

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Maps from groups of echoes: lines of their parts, sums of these, and the way to the map.
 
 Formulas are those of `planning.exact.group_geometry`. A line of a part is read from polynomials of

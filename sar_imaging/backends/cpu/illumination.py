@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Two-way amplitude of echoes towards points, and which tiles they illuminate; compiled.
 
 `geometry.illumination` says what is computed. Neighbouring tiles of points share the nodes between

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Functions of kernels that write their instructions themselves, in the language of LLVM.
 
 Numba, whose compiler LLVM is, has no vectors, prefetches or atomic additions. LLVM translates

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Backprojection along image lines: their geometry, and the compiled loop that adds the echoes.
 
 It sums, for every pixel, ``s_mn(D) exp(+j k_c D)`` over echoes, one of each pulse and channel;

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Memory that calls share, and how it lies.
 
 Fresh memory for every few profiles or images costs as much as filling it.

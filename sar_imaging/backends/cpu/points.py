@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Backprojection onto arbitrary points: a map, a terrain, any positions, or few for a search.
 
 Points are taken in tiles of neighbours. The path to the centre of a tile is computed in float64,

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Polar image to map, in two passes of one-dimensional interpolation.
 
 `backends.reference.polar_to_map` has the formulas. Some pixels of `LANES` map rows are done at a

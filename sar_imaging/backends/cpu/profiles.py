@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Range profiles on the lattice that backprojection reads: resampled, and as polynomials.
 
 The polynomials are those of `planning.interpolators` (Farrow 1988).

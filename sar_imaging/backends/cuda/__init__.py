@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The backend for CUDA devices: Numba's kernels, CuPy's arrays and Fourier transforms.
 
 It computes the plans of the processor's backend, with the same windows, grids and interpolators.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The array library and the compiler of kernels, and what they tell of the device.
 
 `xp` is CuPy on a device, and NumPy in Numba's simulator of one (``NUMBA_ENABLE_CUDASIM=1``), which

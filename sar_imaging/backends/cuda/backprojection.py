@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Exact backprojection of range profiles on the device, by the way that a plan says."""
 
 from __future__ import annotations

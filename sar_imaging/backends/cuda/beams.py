@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images of sub-apertures from their beams on the device, several in one launch of each kernel.
 
 Kernels sum echoes to beams, and read the lines of images from these. What tells the sub-apertures

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What the operations of plans cost on a device, and how long a plan takes there.
 
 Plans are made with the processor's costs, so that they are the same everywhere; these tell where

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Second stage of AFBP on the device: sub-aperture images joined by their spectra, and the map."""
 
 from __future__ import annotations

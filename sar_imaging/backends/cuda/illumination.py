@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Two-way amplitude of echoes towards points on the device, see `geometry.illumination`."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What plans say that this backend computes; anything more it refuses."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Backprojection along image lines on the device: their geometry, and the kernel.
 
 It computes what `backends.reference.project_lines` says, by the expansions of the processor's

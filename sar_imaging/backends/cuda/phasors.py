@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Phases in cycles on the device, float32: what the kernels share."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Backprojection onto arbitrary points on the device, or onto few for the many trials of a search.
 
 Points are taken in tiles of neighbours, as on the processor. The path to the centre of a tile is

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Interpolation of a polar image to a map on the device, in two passes of one dimension each."""
 
 from __future__ import annotations

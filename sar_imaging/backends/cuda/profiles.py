@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Range profiles on the lattice that backprojection reads, on the device."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """First stage of AFBP on the device, and both stages of a whole aperture.
 
 Some sub-apertures are imaged in one launch of each kernel, from beams or directly.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images in tiles that the device's memory holds, one after the other, by one plan.
 
 Tiles are cut so that each pixel is computed as in the whole image: between the lines of a grid,

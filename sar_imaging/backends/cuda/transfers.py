@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Samples to the device and images back, through page-locked memory, while the device works.
 
 Pageable memory is copied at a fraction of the bus's rate, and the device waits for it. Samples go

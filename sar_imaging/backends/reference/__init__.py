@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The formulas themselves, in plain NumPy and float64: what every other backend is tested against.
 
 One module holds one operation of the seam between plans and backends, with its formula and its

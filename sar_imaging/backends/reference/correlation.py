@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Time-domain correlation, Rosenberg & Gray, equations 7 and 8."""
 
 from __future__ import annotations

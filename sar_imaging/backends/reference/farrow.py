@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Weights of the polynomial interpolators of plans (Farrow 1988)."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Operation 5: beams of a sub-aperture, from the spectra of its echoes."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Operation 7: sub-aperture images joined by their spectra."""
 
 from __future__ import annotations

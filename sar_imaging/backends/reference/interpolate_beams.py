@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Operation 6: lines of a polar image, from the beams of a sub-aperture."""
 
 from __future__ import annotations

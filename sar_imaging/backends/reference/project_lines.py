@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Operation 2: backprojection onto the lines of a polar grid, along which range grows."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Operation 3: backprojection onto arbitrary points, and onto few for a search."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Operation 1: range profiles, or phase histories, at any half path."""
 
 from __future__ import annotations

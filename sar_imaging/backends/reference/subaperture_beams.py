@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Image of a sub-aperture by way of its beams: operations 5 and 6, chained as a plan says."""
 
 from __future__ import annotations

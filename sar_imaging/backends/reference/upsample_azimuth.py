@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Operation 4: images of parts on coarse lines, summed on the lines of the whole."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Compensated phase history data (CPHD 1.0.1 and 1.1.0, NGA.STND.0068): reader and writer.
 
 - `CphdReader`: the vectors of a file as blocks of pulses, in chunks of bounded memory;

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Who collected a CPHD file, what, how and when: what no samples tell."""
 
 from __future__ import annotations

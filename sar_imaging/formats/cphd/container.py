@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The container of CPHD: header, metadata and arrays, whose sizes are checked against the file.
 
 Layout of the file: NGA.STND.0068-1 (CPHD 1.0.1 and 1.1.0). Nothing is allocated by what a header

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Domain FX: vectors are phase histories, ``exp(-j 2 pi f (tau - tau_SRP))`` for an echo at tau.
 
 Every vector has its own reference delay tau_SRP, a block has one. Vectors are turned by

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """CPHD files as blocks of pulses in a local frame, in chunks of bounded memory.
 
 In the domain TOA vectors are range profiles over the delay from that of the reference point. The

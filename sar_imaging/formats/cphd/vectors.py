@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of vectors that were received at the same time: what becomes pulses of a block."""
 
 from __future__ import annotations

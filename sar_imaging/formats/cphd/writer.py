@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Blocks of pulses as CPHD: one pass over a stream of blocks, samples never all in memory.
 
 Files are CPHD 1.1.0 with every mandatory element, computed from the pulses.

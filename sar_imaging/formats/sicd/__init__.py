@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """SICD, the format of complex radar images (NGA.STND.0024): written, read, and its grid.
 
 - `grid`: planes whose rows lead away from the radar, on which images are formed;

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The NITF file around a SICD image: its XML and its pixels, with sizes checked beforehand.
 
 sarkit reads files of SICD 1.1 and later; this reads those of the versions before as well, and

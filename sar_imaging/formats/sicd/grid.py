@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The grid that SICD wants: rows along range, away from the radar, seen from above.
 
 A pulse at the frequency f contributes the plane wave ``exp(+j 2 pi K . x)`` about a place x, with

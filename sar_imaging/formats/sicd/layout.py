@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """How the pixels of one of our images lie in SICD's order, and where its carrier is.
 
 Our samples have the whole carrier in them: from pixel to pixel they turn by ``2 pi K . step``.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The XML of a SICD file, computed from the acquisition (NGA.STND.0024-1, sections 3 and 4).
 
 In the antenna's frame x is our right, y is down and z the boresight (NGA.STND.0024-1, section 3,

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """SICD files to complex images.
 
 Values of the XML are found by their place, each checked where it is read.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Tracks as SICD has them: polynomials of time in Earth-centred coordinates."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Poses of a platform on their own clock: kept, judged, and interpolated.
 
 - `table`: poses as a file or a recording holds them;

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Tell whether a pose continues the motion of those before it, and by how much it does not."""
 
 from __future__ import annotations

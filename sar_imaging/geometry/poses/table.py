@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Poses of a platform as a file or a recording holds them."""
 
 from __future__ import annotations

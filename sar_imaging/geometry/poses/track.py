@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Store the poses of a platform on their own clock, leave wrong ones out, and interpolate them.
 
 Interpolation is a local cubic, so that later poses do not change the result.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Autofocus in the nodes: its parameters, and the report of its results."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Watch the focus of the images that a node forms, and diagnose images out of focus."""
 
 from __future__ import annotations

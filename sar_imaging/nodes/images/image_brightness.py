@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of calibrated brightness, and images scaled to it before they are published."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The last image of a node as a file that knows where on the Earth it is, when asked for."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of the image grid, and of the terrain heights on which a node images."""
 
 from __future__ import annotations

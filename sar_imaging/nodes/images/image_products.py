@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Publish an image on its topics, each built only while it has a subscriber."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Publish obstacles as a map and a cloud, built only while they have a subscriber.
 
 Maps are made in a thread of their own with a low priority: images do not wait for them. Where

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Publish the bright cells of a volume as a point cloud, and write them when asked to."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fixes of satellite navigation, and attitudes, on their way to poses and to the datum."""
 
 from __future__ import annotations

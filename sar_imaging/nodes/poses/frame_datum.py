@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The datum of the imaging frame as a step knows it: given, found and told, or listened to."""
 
 from __future__ import annotations

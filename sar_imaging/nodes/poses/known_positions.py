@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Phase centres before, during and after an aperture, for autofocus."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Receive poses of the platform and lever arms, from topics or tf, for the worker thread."""
 
 from __future__ import annotations

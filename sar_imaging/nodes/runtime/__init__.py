@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Common parts of all nodes: parameters, life cycle, worker thread, overload, diagnostics.
 
 A node is a `stage.Stage`. It receives messages (`inlet`) and passes them to the worker thread

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Outputs of nodes: blocks for the next one, headers and queues of products."""
 
 from __future__ import annotations

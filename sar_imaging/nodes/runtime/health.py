@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Counters, causes, log lines and diagnostics of a node."""
 
 from __future__ import annotations

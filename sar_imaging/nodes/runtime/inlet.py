@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Input of a stage: how its messages are read and which pulses they hold."""
 
 from __future__ import annotations

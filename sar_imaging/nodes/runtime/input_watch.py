@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Watch an input of a node: why nothing, or nothing of use, comes on its topic."""
 
 from __future__ import annotations

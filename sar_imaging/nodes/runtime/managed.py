@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Managed life cycle of a node: configure, activate, deactivate, clean up; and its main loop."""
 
 from __future__ import annotations

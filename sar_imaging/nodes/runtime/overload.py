@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Decide what an overloaded stage leaves out: whole apertures, or single blocks."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of the nodes as tables: declared, checked and coerced in one place.
 
 `sar_pipeline` reads the parameter files of the separate nodes.

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Files that nodes write when asked to: where, and under which name."""
 
 from __future__ import annotations

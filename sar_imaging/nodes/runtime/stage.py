@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Base of the nodes: receive messages, process them in one thread, report.
 
 Steps run one after the other in that thread; each gets the products of the one before. While

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Processing steps of a stage without its input, shared by its node and the pipeline."""
 
 from __future__ import annotations

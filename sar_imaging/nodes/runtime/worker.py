@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """One worker thread behind a bounded queue, so that callbacks stay short; others beside it."""
 
 from __future__ import annotations

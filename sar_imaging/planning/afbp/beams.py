@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """How many beams a sub-aperture needs, how they are summed and read, and the error of both.
 
 Seen from its own middle the paths of a sub-aperture's echoes depend on direction alone. From beam

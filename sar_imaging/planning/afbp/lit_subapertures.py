@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Amplitudes of a sub-aperture's pulses: a parabola of the place along the track, pixel by pixel.
 
 Beams sum the pulses of a sub-aperture before a pixel is known, so that its pulses cannot be

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Plan of an aperture by AFBP while its pulses arrive, from a track that is foreseen.
 
 The fused image is sampled for the local frequencies of the foreseen track. Those of the track that

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Plan of an image of one aperture by accelerated fast backprojection, Zhang et al. 2014."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Polar grids that the fusion of AFBP works on, and the one that covers a map."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """First stage of AFBP: the cut of an aperture, and sub-aperture images coarse in direction.
 
 Zhang et al., section II.A: all sub-apertures share unified polar coordinates, so that their

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Plan of exact backprojection: by which route some pulses are added to an image the quickest.
 
 Three routes lead to the same sum: a polar image around the aperture, interpolated to the map (its

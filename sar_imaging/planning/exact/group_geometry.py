@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Groups of echoes near a map: their frames, and the local frequencies of their images.
 
 A group has a frame of its own: the origin O in the middle of its phase centres, a horizontal

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images from groups of echoes: how a map is divided among polar images around a track.
 
 A group of echoes is imaged on a polar grid around its own middle and interpolated to the map. Each

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """How amplitudes of echoes are interpolated over lines, points and polar images, and how well.
 
 Computing an echo's amplitude at every pixel would take longer than backprojection. It is computed

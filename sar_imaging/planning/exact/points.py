@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Plan of images of arbitrary points: a map, a terrain, or any positions."""
 
 from __future__ import annotations

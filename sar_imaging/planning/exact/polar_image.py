@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Polar image of a block: its grid, its parts, how its lines read the profiles, and what it costs.
 
 On unified polar coordinates around the aperture centre the half path is nearly the range itself,

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Assign pulses to apertures by their counters, and keep them until an aperture is full."""
 
 from __future__ import annotations

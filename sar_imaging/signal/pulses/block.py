@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A block of multichannel pulses, the data that pass from stage to stage, and its checks."""
 
 from __future__ import annotations

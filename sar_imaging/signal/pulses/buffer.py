@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Order pulses by their counter, find gaps and duplicates, and cut blocks within apertures."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The one history of pulses while they arrive: where the latest ones were sent."""
 
 from __future__ import annotations

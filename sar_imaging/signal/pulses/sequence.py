@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pulse counters: wrap-around, ranges as text, restarts and late pulses, events for the log."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Scenarios: a radar, its track and a scene, and the pulses that follow."""
 
 from .catalogue import RANGE_CENTRE_M, SCENARIOS, WAVELENGTH_M, moving_targets

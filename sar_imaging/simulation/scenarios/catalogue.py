@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The scenarios of `simulate`: those of the papers, moving targets, two passes and more.
 
 A configuration makes one as well: a few scatterers as the configured radar receives them.

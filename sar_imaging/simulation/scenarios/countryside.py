@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Scenario `countryside`: fields, a road, buildings, trees, parked and moving cars."""
 
 from __future__ import annotations

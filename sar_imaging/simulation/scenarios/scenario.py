@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A scenario: a radar, its track and a scene, and the pulses that follow."""
 
 from __future__ import annotations

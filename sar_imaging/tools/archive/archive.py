@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Image an archive of recordings: a map of all of them, on this machine or on a cluster.
 
 Run: sar-imaging archive JOB.yaml

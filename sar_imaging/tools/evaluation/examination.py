@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Focus of an evaluated image, the mistake that spoils it, and the results in words."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Start the nodes for `evaluate`, with parameters from recording, files and command line."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Receive what the nodes publish during an evaluation: image, grid, diagnostics, warnings."""
 
 from __future__ import annotations

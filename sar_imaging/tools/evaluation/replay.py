@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Replay recorded pulse blocks into running nodes, without loss or in real time.
 
 The serialised messages go out unchanged (`publisher.publish(bytes)`), so whatever a recording or

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Convert between recordings and files of other programs, such as a recording to CPHD.
 
 Run: sar-imaging convert bags/countryside scene.cphd --datum 47.0 8.0 450.0

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Tell what a file holds: when and where it was made, by what radar, how finely, how large.
 
 Run: sar-imaging info scene.cphd

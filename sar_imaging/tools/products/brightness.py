@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images as calibrated brightness, by a radar constant in a file."""
 
 from __future__ import annotations

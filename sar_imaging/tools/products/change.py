@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Compare two passes over one scene: coherence, changes, phase, heights and a report.
 
 Run: sar-imaging change first.cphd second.cphd --output out/change

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Look at raw pulses and say what is wrong with them: samples, times, channels, geometry.
 
 Run: sar-imaging doctor bags/countryside --output out/doctor

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Drawings beside an image: its acquisition, its raw pulses, and the projections of a volume."""
 
 from __future__ import annotations

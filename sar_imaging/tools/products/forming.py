@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images of files of pulses: grid chosen, blocks streamed, error verified."""
 
 from __future__ import annotations

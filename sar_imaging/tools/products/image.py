@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Image a recording or a CPHD file: picture, SICD, GeoTIFF, measured error and a report.
 
 Run: sar-imaging image bags/countryside --output out/countryside

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure the radar constant at a reflector of known cross section and save it as YAML.
 
 Run: sar-imaging radar-constant bags/countryside --reflector -21 17 0 --trihedral 0.3 \

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Volume of a recording: point cloud, picture and measured error; `image --height` runs it."""
 
 from __future__ import annotations

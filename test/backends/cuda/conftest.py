@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Kernels of the CUDA backend: on a device, or in Numba's simulator of one.
 
 The simulator must be asked for before Numba is imported: `test_cuda_simulator.py` runs these files

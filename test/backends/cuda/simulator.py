@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Numba's simulator of a device with threads that take turns.
 
 Numba starts a thread of the host for each thread of each block, and looks at all of them in a

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Both stages of AFBP against the formulas and the processor's backend."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The benchmark of the device runs from end to end, at sizes for the simulator."""
 
 import json

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Arrays of the device in, arrays of the device out: blocks, images, and what refuses them."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The entries of the backend, and when it is said to be quicker."""
 
 import dataclasses

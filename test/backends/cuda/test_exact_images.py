@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Whole small images against the processor's backend, by the same plans."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images with illumination against the formula with weights, and against the processor's."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """AFBP while pulses arrive: what a device forms stays there until the map is formed."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The calibration command measures a device's costs, here a simulated one of tiny images."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Points against sums of given polynomials, and bounds of tiles."""
 
 import math

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Azimuth upsampling and interpolation to a map against their formulas."""
 
 import dataclasses

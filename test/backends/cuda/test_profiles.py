@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Profiles on the device against their Fourier series, and samples of the host's integers."""
 
 import numpy as np

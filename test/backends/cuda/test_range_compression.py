@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Range compression on the device against the processor's, from samples here and there."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Copies beside the device's work: right in any order that a device may do them in.
 
 The simulator does everything at once. Here copies are made as late as their ends are waited for,

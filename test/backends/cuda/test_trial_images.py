@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Trial images of a search on the device against the formula, and what a search makes of them."""
 
 import numpy as np

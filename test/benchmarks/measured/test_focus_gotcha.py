@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Autofocus of measured data with positions made wrong in a known way."""
 
 from __future__ import annotations

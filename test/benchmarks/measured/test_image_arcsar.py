@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Imaging of the arc SAR: on a made-up file of the same form, and the measured one."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Imaging of the MIMO recording: on a made-up file, and on the measured one."""
 
 from __future__ import annotations

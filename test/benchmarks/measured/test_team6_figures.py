@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of the team 6 recording from what evaluate leaves behind."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What the focus of the team 6 reflectors tells about the alignment, on the measured data."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The simulated experiment of the spotlight letter."""
 
 import dataclasses

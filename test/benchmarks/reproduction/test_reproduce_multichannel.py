@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The reproduction of Rosenberg & Gray: what it claims, and that the command runs."""
 
 import json

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Simulated pulses, and CPHD files whose samples follow from the standard's own formulas."""
 
 import numpy as np

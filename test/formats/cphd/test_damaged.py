@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Truncated, damaged and absurd files: one kind of error, no memory beyond the file's, no hang."""
 
 import dataclasses

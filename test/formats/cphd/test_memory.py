@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A file larger than the memory there is, in a process of its own."""
 
 import pytest

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Files whose samples follow from the standard's formulas, read as pulses in closed form."""
 
 import dataclasses

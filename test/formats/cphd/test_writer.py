@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Files that the standard's own checker accepts, that other readers read, of right samples."""
 
 import dataclasses

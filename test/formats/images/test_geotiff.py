@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """GeoTIFF as rasterio and pyproj see it: reflectors at their latitude and longitude."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Libraries load when a file is written or read, and their absence is one clear line."""
 
 import subprocess

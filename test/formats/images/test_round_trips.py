@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images come back from files as they went, to the bit where the type of the pixels allows it."""
 
 import re

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The antenna of SICD files, as the standard says it."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """SICD files as the reference implementation and sarpy check and project them."""
 
 import dataclasses

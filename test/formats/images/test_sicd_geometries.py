@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Every radar, flight and place that can be: the checker finds nothing in what is written."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Scale factors of SICD: other readers find the brightness that we compute."""
 
 import dataclasses

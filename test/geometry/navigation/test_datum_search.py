@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The datum of a frame from fixes: against the datum that the fixes were made with."""
 
 import math

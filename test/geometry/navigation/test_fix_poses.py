@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Poses from fixes and attitudes, against the flight that both were made from."""
 
 import numpy as np

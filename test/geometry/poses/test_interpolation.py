@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Interpolation between poses, against tracks known in closed form."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The track of poses: order, gaps, jumps, restarts, and what it tells about a time."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A radar that flies on for ever: one recorded aperture sent again and again to node processes."""
 
 import dataclasses

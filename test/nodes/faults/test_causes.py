@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Causes in the diagnostics: each is injected into real processes, named, and ends.
 
 With CAUSES_RESULTS the parameters are those by default, and the seconds until each cause is named,

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Faults at random moments while pulses keep coming: the next aperture must be right.
 
 FAULT_ROUNDS repeats every case with other random numbers and FAULT_SEED chooses them;

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A bad day: lost, repeated, swapped and broken blocks, killed nodes, wrong settings."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Ctrl-C ends a node at any moment: while it loads libraries, and while it compiles kernels."""
 
 import signal

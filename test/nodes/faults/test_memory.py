@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """A scene larger than memory is refused with its sizes, and the next sensible one is imaged."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pulse source and imaging on two hosts: network namespaces joined by a virtual cable."""
 
 import contextlib

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """When apertures are looked at for a mistake, and what is told of them."""
 
 import dataclasses

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Figures that the fusion tells about an image: how long it took, how old its pulses are."""
 
 import time

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Calibrated brightness of the nodes: over real DDS, and what is refused."""
 
 import dataclasses

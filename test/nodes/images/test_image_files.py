@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The last image as a file that knows where it is: asked for over real DDS, read by others."""
 
 import dataclasses

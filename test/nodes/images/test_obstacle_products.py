@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Maps and clouds of obstacles as the steps publish them, read by the rules of Nav2's costmaps."""
 
 import ast

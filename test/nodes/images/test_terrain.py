@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Images on terrain by the node backprojection, and which files it refuses."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Mode volume: the reflectors of a raster scan as points where they are, by steps and over DDS."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Satellite navigation through real processes: the datum, and poses without odometry."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Positions from odometry on its own clock: late, missing, jumping; through real processes."""
 
 import dataclasses

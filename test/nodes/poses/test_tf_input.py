@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Lever arms from tf: the names of the frames, and what is said where tf2_ros is missing."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Steps in a row without nodes: what is handed on, flushed when idle, counted when dropped."""
 
 import types

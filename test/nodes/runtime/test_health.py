@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Counters and their judgement: how long a warning lasts, what a clean-up forgets."""
 
 import types

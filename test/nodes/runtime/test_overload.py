@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What stays outside a full queue: whole apertures, whatever the blocks look like."""
 
 import threading

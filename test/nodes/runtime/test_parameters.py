@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Values of parameters: types, ranges up to their ends, and what may change when."""
 
 import math

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Parameter files of the separate nodes as those of one node."""
 
 import pytest

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Evaluation end to end: recordings through real node processes over real DDS."""
 
 import concurrent.futures

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What evaluation says of folders, recordings and options that it cannot use."""
 
 from pathlib import Path

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What `evaluate` starts the nodes with, what it tells of them, and when it gives up."""
 
 import concurrent.futures

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """What evaluate says of an image that is fine though its pulses hold no strong reflector."""
 
 import types

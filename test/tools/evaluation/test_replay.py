@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Flow control of the replay, against a node in this process over real DDS."""
 
 import time

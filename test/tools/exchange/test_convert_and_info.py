@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """Recordings to CPHD and back on the command line, and what is told of files."""
 
 import dataclasses

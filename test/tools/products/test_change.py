@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """`sar-imaging change`: two recordings, CPHD or SICD files of known ground compared."""
 
 from __future__ import annotations

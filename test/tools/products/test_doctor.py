@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """`sar-imaging doctor` on recordings: what it prints, writes and returns."""
 
 from __future__ import annotations

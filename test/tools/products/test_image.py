@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """`sar-imaging image`: from a file to picture, figures, standard formats and report."""
 
 from __future__ import annotations

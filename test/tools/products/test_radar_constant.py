@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """`sar-imaging radar-constant`, and images as brightness by it."""
 
 import dataclasses

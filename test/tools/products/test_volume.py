@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """`sar-imaging image --height`: a recording of a raster scan as a point cloud."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The antenna of a file as our illumination: a pattern, and where it looked at each vector.
 
 A file tells gains of one way over the direction cosines DCX and DCY of the antenna's frame, as

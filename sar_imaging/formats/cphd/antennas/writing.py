@@ -1,3 +1,5 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
 """The antenna of written files: pattern as polynomials and as a table, frames of every vector.
 
 In the antenna's frame x is our right, y is down and z the boresight, so that the direction cosine
