@@ -74,6 +74,12 @@ def test_images_that_erred_more_than_predicted_no_longer_do(seed):
     assert _error_db(case, image) <= report.predicted_error_db + ALLOWED_DB
 
 
+def test_bands_grow_with_the_frequency_along_range():
+    """Up to 1.38 times as wide as at the carrier, over a steep track: 9 dB above."""
+    report, image = _afbp(case := random_case(890881), target_db=-60.0)
+    assert _error_db(case, image) <= report.predicted_error_db
+
+
 def test_predictions_of_the_exact_imager_are_tight():
     """Bounded from both sides: what an image loses to a wrong term shows."""
     above = []

@@ -253,7 +253,7 @@ def _for_windows(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window:
     At baseband along direction their band is that of the window, wherever that lies.
     """
     bands, width = _bands_of_some(polar, radar, tx_m, rx_m, n_window)
-    slope = bands.slope.reshape(-1, rx_m.shape[1] * bands.slope.shape[1])
+    slope = (bands.slope * bands.growth).reshape(-1, rx_m.shape[1] * bands.slope.shape[1])
     # Every window: where a track turns back, their bands differ much.
     low = minimum_filter1d(slope.min(axis=1), width, mode='nearest')
     high = maximum_filter1d(slope.max(axis=1), width, mode='nearest')
@@ -278,9 +278,10 @@ def _windows_db(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window: 
     for first in _first_of_windows(len(bands.slope) // n_channels - width):
         echoes = slice(first * n_channels, (first + width) * n_channels)
         slope, weight = bands.slope[echoes], bands.weight[:, echoes]
+        along_range = k * bands.growth[echoes]
         middle = 0.5 * (slope.min() + slope.max()) * radar.wavenumber_rad_per_m
         worst_db = max(worst_db, between.mean_error_db(
-            (k * slope - middle) * (polar.alpha_spacing / (2 * math.pi)), weight))
+            (along_range * slope - middle) * (polar.alpha_spacing / (2 * math.pi)), weight))
     return worst_db
 
 

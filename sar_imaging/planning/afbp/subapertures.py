@@ -72,15 +72,15 @@ class LocalSpectrum:
     ----------
     slope : (R, S) float64
         Derivative of the half path by direction, over that by range, metres, from each echo to
-        points direction by direction. Times the wavenumber it is the frequency along direction.
+        points direction by direction. Times the frequency along range it is that along direction.
+    growth : (R, S) float64
+        Derivative of the half path by range. Times the wavenumber it is the frequency along range.
     position : (S,) float64
         Where the points lie along direction, 0 to 1.
     wavenumber : (2,) floats
         Lowest and highest of the band, rad/m.
     half_range : float
         Largest frequency along range, relative to the carrier's, rad/m.
-    by_range : (float, float)
-        Smallest and largest derivative of the half paths by range.
     weight : (W, R) float64
         Shares of the echoes in the power of an image, see `echo_powers`.
     spread : AmplitudeSpread
@@ -88,11 +88,11 @@ class LocalSpectrum:
     """
 
     slope: np.ndarray
+    growth: np.ndarray
     position: np.ndarray
     wavenumber: tuple[float, float]
     half_range: float
     range_m: tuple[float, float]
-    by_range: tuple[float, float]
     weight: np.ndarray
     spread: AmplitudeSpread = NO_SPREAD
 
@@ -120,7 +120,8 @@ class Limits:
     def of(cls, bands: LocalSpectrum) -> Limits:
         """Extremes of half paths, of their derivatives and of local frequencies."""
         steepest = float(max(bands.slope.max(), -bands.slope.min()))
-        return cls(bands.range_m, bands.by_range, steepest, bands.half_range)
+        growth = float(bands.growth.min()), float(bands.growth.max())
+        return cls(bands.range_m, growth, steepest, bands.half_range)
 
     def contain(self, other: Limits, slope_slack: float = 0.0) -> bool:
         """True when what was planned for these limits holds for those of other phase centres.
@@ -173,6 +174,7 @@ def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters,
     slope /= by_range
     if lit is not None:
         slope = _of_lit_points(slope, lit)
+        by_range = _of_lit_points(by_range, lit).clip(*extremes)
     half_range = (radar.half_band_rad_per_m * extremes[1] + radar.wavenumbers_rad_per_m[1]
                   * max(1 - extremes[0], extremes[1] - 1))
     middle = len(position) // 2
@@ -184,8 +186,8 @@ def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters,
         bright = np.einsum('rs,rs->r', amplitude, amplitude)
         if (weight @ bright).min() > 0:
             weight = weight * bright / (weight * bright).mean(axis=1, keepdims=True)
-    return LocalSpectrum(slope, share, radar.wavenumbers_rad_per_m, half_range,
-                         (float(length.min()), float(length.max())), extremes, weight,
+    return LocalSpectrum(slope, by_range, share, radar.wavenumbers_rad_per_m, half_range,
+                         (float(length.min()), float(length.max())), weight,
                          NO_SPREAD if illumination is None else
                          illumination.spread(position, along_alpha))
 
@@ -375,6 +377,7 @@ def _cuts(bands: LocalSpectrum, tx_m, rx_m, lengths) -> list[_Cut]:
     n_pulses, n_channels = tx_m.shape[:2]
     pieces = pieces_between_gaps(mean_centres(tx_m, rx_m))
     least, most = bands.slope.min(axis=1), bands.slope.max(axis=1)
+    highest = bands.wavenumber[1] * bands.growth.max(axis=1)
     cuts = []
     for length in lengths:
         if length > n_pulses and cuts:
@@ -382,10 +385,11 @@ def _cuts(bands: LocalSpectrum, tx_m, rx_m, lengths) -> list[_Cut]:
         pulses = tuple(cut_pulses(pieces, length))
         first = np.array([p.start for p in pulses]) * n_channels
         lo, hi = np.minimum.reduceat(least, first), np.maximum.reduceat(most, first)
-        half_m = 0.5 * float((hi - lo).max())
-        half = bands.wavenumber[1] * half_m + math.sqrt(3) * bands.spread.rms
+        half_m = 0.5 * (hi - lo)
+        half = float((half_m * np.maximum.reduceat(highest, first)).max())
+        half += math.sqrt(3) * bands.spread.rms
         power = np.add.reduceat(bands.weight, first, axis=1)
-        cuts.append(_Cut(pulses, 0.5 * (lo + hi), half_m, max(half, 1e-9), power))
+        cuts.append(_Cut(pulses, 0.5 * (lo + hi), float(half_m.max()), max(half, 1e-9), power))
     return cuts
 
 
@@ -468,7 +472,7 @@ def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centr
     slope = _to_guards(bands.slope[echoes], guard)
     low, high = bands.wavenumber
     wavenumber = low + (high - low) * (np.arange(_WAVENUMBERS) + 0.5) / _WAVENUMBERS
-    bins = wavenumber[:, None, None] * (s.extent / (2 * math.pi))
+    bins = wavenumber[:, None, None] * bands.growth[echoes] * (s.extent / (2 * math.pi))
     # from the bin that the band's middle is rounded to, as in the fusion
     even, per_radian = bins * slope - np.rint(bins * np.reshape(centre_m, (-1, 1))), (
         s.extent / (2 * math.pi))
