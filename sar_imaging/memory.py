@@ -21,6 +21,7 @@ IMAGE_BYTES = 8  # of a pixel, complex64
 PUBLISHED_BYTES = 3 * IMAGE_BYTES  # image, its message, the message serialised
 
 _granted: contextvars.ContextVar[int] = contextvars.ContextVar('granted', default=0)
+_UNLIMITED = 1 << 60  # what version 1 of control groups writes for no limit is more
 _MEMINFO = Path('/proc/meminfo')
 _STATM = Path('/proc/self/statm')
 # Limit, use and reclaimable memory (of the page cache) of a control group, of version 2 and 1.
@@ -117,8 +118,9 @@ def _groups(membership: Path, mount: Path) -> list[tuple[Path, Path, Path, str]]
 
 def _group_bytes(limit: Path, use: Path, statistics: Path, reclaimable: str) -> int:
     try:
-        return (int(limit.read_text()) - int(use.read_text())
-                + _number(statistics, reclaimable))
+        most = int(limit.read_text())
+        return most if most > _UNLIMITED else (most - int(use.read_text())
+                                               + _number(statistics, reclaimable))
     except (OSError, ValueError):  # no such group, or 'max'
         return sys.maxsize
 

@@ -21,6 +21,7 @@ from ..signal.radar import RadarParameters
 _LEAST_ECHOES, _ECHOES = 8, 128  # in the middle of the track, which are looked at
 _SAME = 0.02  # wavelengths along the track, within which one echo stands for all
 _RANGES, _LEAST_SHARE = 8, 0.1  # parts of a scene, and pixels with ghosts within it
+_RANKS = np.arange(1, _RANGES)  # between the parts
 _STEPS, _MOST_STEPS = 4, 4096  # places in a cell of their resolution, and in all
 _GHOST = 10 ** (-10 / 20)  # amplitude, at one wavelength, above that of sidelobes
 _LEAST_DB = -20.0  # of a ghost that is told, spread as it is
@@ -53,7 +54,8 @@ def azimuth_warnings(points_m, tx_m, rx_m, radar: RadarParameters,
     if len(some) < _LEAST_ECHOES:
         return ()
     origin = centre_m[some].mean(axis=0)
-    look = points_m[np.linalg.norm(points_m - points_m.mean(axis=0), axis=-1).argmin()] - origin
+    away = points_m - points_m.mean(axis=0)
+    look = points_m[np.einsum('sk,sk->s', away, away).argmin()] - origin
     range_m = np.linalg.norm(look)
     look = look / max(range_m, 1e-9)
     across = track - (track @ look) * look
@@ -62,8 +64,11 @@ def azimuth_warnings(points_m, tx_m, rx_m, radar: RadarParameters,
     across /= np.linalg.norm(across)
     seen = points_m - origin
     away = np.linalg.norm(seen, axis=-1)
-    direction, near = seen @ across / away, np.quantile(away, np.linspace(0, 1, _RANGES + 1)[1:-1])
-    left = _beyond(direction, np.searchsorted(near, away))
+    direction, near = seen @ across / away, np.sort(away)[len(away) * _RANKS // _RANGES]
+    last = np.full(_RANGES, -np.inf)
+    ranges = np.searchsorted(near, away)
+    np.maximum.at(last, ranges, direction)
+    left = last[ranges] - direction  # how far the scene goes on in a pixel's direction
     width = min(float(left.max()), 1.9)
     cell = radar.wavelength_m / 2 / np.ptp((centre_m[some] - origin) @ across)
     apart = np.arange(1, min(width * _STEPS / cell, _MOST_STEPS)) * (cell / _STEPS)
@@ -102,13 +107,6 @@ def azimuth_warnings(points_m, tx_m, rx_m, radar: RadarParameters,
             f'{share:.0%} of the pixels to either side; the antenna may not light both (tell its '
             f'pattern), else send pulses every {radar.shortest_wavelength_m / (2 * width):.2g} m '
             'or less, or image a narrower grid',)
-
-
-def _beyond(direction, ranges) -> np.ndarray:
-    """(S,) how far the scene goes on from places in their direction, at their number of range."""
-    last = np.full(_RANGES, -np.inf)
-    np.maximum.at(last, ranges, direction)
-    return last[ranges] - direction
 
 
 def _apart(ends, tx_m, rx_m) -> np.ndarray:

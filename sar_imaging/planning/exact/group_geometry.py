@@ -195,7 +195,11 @@ def range_derivatives(places: Places, centres: list[np.ndarray], echoes, order: 
         if order > 1:
             d2 = (1 - y * f2 - d1 * d1) / d
             d3 = (-y * f3 - 3 * d1 * d2) / d
-            found[-1] += [d2, d3, (-y * f4 - 4 * d1 * d3 - 3 * d2 * d2) / d]
+            found[-1] += [d2, d3]
+        if order > 3:
+            found[-1].append((-y * f4 - 4 * d1 * d3 - 3 * d2 * d2) / d)
+    if len(found) == 1:
+        return found[0]
     return [sum(of_path) / len(centres) for of_path in zip(*found, strict=True)]
 
 

@@ -836,7 +836,8 @@ def _planned(echoes: Echoes, grid: MapGrid, corner, n_groups: int, n_parts: int)
     bands = Bands(survey, grids, starts.ravel(), np.arange(n_groups) * n_parts, 0.0)
     if not survey.fine.all():
         raise _Unsuited
-    parts, half, parts_db = _between_parts(survey, bands, starts)
+    part = (starts[:, None] <= survey.some[..., None]).sum(axis=-1) - 1
+    parts, half, parts_db = _between_parts(survey, bands, starts, part)
     length = survey.by_range[0].reshape(-1, survey.slopes.shape[1])
     ends_db = echoes.window.mean_end_error_db(
         length, oversampling=lattice.oversampling(echoes.radar))
@@ -845,7 +846,7 @@ def _planned(echoes: Echoes, grid: MapGrid, corner, n_groups: int, n_parts: int)
     passes_db = survey.passes_db(grids.alpha_spacing, lattice.spacing)
     left = echoes.target - 10 ** (total_db(lattice.predicted_error_db, *passes_db, parts_db,
                                            *known) / 10)
-    lattice, expanded = _expanded(survey, grids, lattice, starts, left)
+    lattice, expanded = _expanded(survey, grids, lattice, starts, part, left)
     profile = survey.mean(lattice.interpolator.error_with_drift(
         np.abs(survey.by_range[1] * lattice.spacing - lattice.cell_m)
         * (0.5 * lattice.segment / lattice.step_m)))
@@ -864,10 +865,10 @@ def _planned(echoes: Echoes, grid: MapGrid, corner, n_groups: int, n_parts: int)
     return dataclasses.replace(made, cost=costs().nanoseconds(made.operations))
 
 
-def _between_parts(survey: Survey, bands: Bands, starts) -> tuple[Interpolator, np.ndarray, float]:
+def _between_parts(survey: Survey, bands: Bands, starts, part
+                   ) -> tuple[Interpolator, np.ndarray, float]:
     """Interpolator between the lines of parts, half bands that it is for, (G,), and its error."""
     echoes = survey.echoes
-    part = (starts[:, None] <= survey.some[..., None]).sum(axis=-1) - 1
     middle = np.take_along_axis(bands.middle.reshape(starts.shape), part, axis=1)
     frequency = _times(echoes.wavenumbers, survey.few) - middle[..., None]
     for found in sufficient_interpolators(echoes.parts_db, taps=echoes.lengths.part_taps,
@@ -882,26 +883,26 @@ def _between_parts(survey: Survey, bands: Bands, starts) -> tuple[Interpolator, 
     raise _Unsuited
 
 
-def _expanded(survey: Survey, grids: Grids, lattice: RangeResampling, starts, wanted: float
-              ) -> tuple[RangeResampling, float]:
+def _expanded(survey: Survey, grids: Grids, lattice: RangeResampling, starts, part,
+              wanted: float) -> tuple[RangeResampling, float]:
     """Lattice with segments so short that expansions err by less than is wanted, and by how much.
 
     Mean squares of what the cubics along segments leave out, see `profiles`, at the ends of parts
     and at the echoes that are looked at: those of a perturbed track lie off the line between ends.
     """
     after = np.concatenate([starts[:, 1:], (survey.starts + survey.counts)[:, None]], axis=1)
-    part = (starts[:, None] <= survey.some[..., None]).sum(axis=-1) - 1
-    middle = np.take_along_axis((starts + after) // 2, part, axis=1)
-    shared = range_derivatives(survey.places, survey.centres, (starts + after) // 2)
-    ends = [range_derivatives(survey.places, survey.centres, echoes)
-            for echoes in (starts, after - 1)]
-    theirs = range_derivatives(survey.places, survey.centres, middle)
+    n_parts = starts.shape[1]
+    found = range_derivatives(survey.places, survey.centres, np.concatenate(
+        [starts, after - 1, (starts + after) // 2], axis=1), 3)
     k, radar = survey.echoes.radar.wavenumber_rad_per_m, survey.echoes.radar
-    quartic, quintic = np.max([
-        _left_out([k * np.concatenate([end[n] - shared[n] for end in ends], axis=1)
-                   / math.factorial(n) for n in (1, 2, 3)]) / 3,  # nothing in the middle: Simpson
-        _left_out([k * (survey.by_range[n] - theirs[n]) / math.factorial(n) for n in (1, 2, 3)])],
-        axis=0)
+    at_ends, at_some = [], []
+    for n in (1, 2, 3):
+        shared, scale = found[n][:, 2 * n_parts:], k / math.factorial(n)
+        at_ends.append(scale * (found[n][:, :2 * n_parts] - np.concatenate([shared] * 2, axis=1)))
+        at_some.append(scale * (survey.by_range[n]
+                                - np.take_along_axis(shared, part[..., None], axis=1)))
+    quartic, quintic = np.maximum(_left_out(*at_ends) / 3,  # nothing in the middle: Simpson
+                                  _left_out(*at_some))
     envelope = radar.half_band_rad_per_m ** 2 / 756 * survey.mean(survey.by_range[3] ** 2), 6
     others = (k / 72) ** 2 * survey.mean(survey.by_range[4] ** 2) + quartic, 8
     terms = envelope, others, (quintic, 10)
@@ -916,15 +917,16 @@ def _expanded(survey: Survey, grids: Grids, lattice: RangeResampling, starts, wa
     raise _Unsuited
 
 
-def _left_out(coefficients) -> np.ndarray:
+def _left_out(a, b, c) -> np.ndarray:
     """Mean squares of what a phase's expansion leaves out in fourth and fifth order, (2,).
 
-    `coefficients` are the phase's first to third, (G, Q, S), of echoes at the places of a map; of
+    The phase's first to third coefficients are (G, Q, S), of echoes at the places of a map; of
     the group where it is largest.
     """
-    a, b, c = coefficients
-    quartic = ((a ** 4 / 24 - b * b / 2 - a * c) ** 2 + (a * a * b / 2) ** 2) / 128
-    quintic = ((a ** 3 * b / 6) ** 2 + (a ** 5 / 120 - a * b * b / 2 - a * a * c / 2) ** 2) / 16
+    a2, b2, ac = a * a, 0.5 * b * b, a * c
+    a4, a2b2 = a2 * a2, a2 * a2 * b2
+    quartic = (np.square(a4 / 24 - b2 - ac) + 0.5 * a2b2) / 128
+    quintic = a2 * (a2b2 / 18 + np.square(a4 / 120 - b2 - 0.5 * ac)) / 16
     side = LOBATTO[math.isqrt(a.shape[-1])][1]
     places = np.multiply.outer(side, side).ravel()
     return np.array([(error @ places).mean(axis=1).max() for error in (quartic, quintic)])
