@@ -56,7 +56,8 @@ def row_length(n_channels: int, has_positions: bool, has_pointing: bool = False)
 
 def _header_length(radar: RadarParameters) -> int:
     """Floats in the header; earlier readers refuse the longer one, which they would misread."""
-    return HEADER_LENGTH if radar.propagation_speed_m_per_s == SPEED_OF_LIGHT else LONGER_HEADER
+    speed = float_pairs.join_double(float_pairs.split_double(radar.propagation_speed_m_per_s))
+    return HEADER_LENGTH if speed == SPEED_OF_LIGHT else LONGER_HEADER
 
 
 def dimensions(shape: tuple[int, int, int], frame: str = '') -> list[tuple[str, int, int]]:

@@ -124,6 +124,12 @@ def test_the_speed_of_other_waves_lengthens_the_header(make_block, radar, assert
             wire.from_array(changed, dims, offset)
 
 
+def test_a_speed_that_rounds_to_that_of_light_needs_no_longer_header(make_block, radar):
+    nearly = dataclasses.replace(
+        radar, propagation_speed_m_per_s=np.nextafter(radar.propagation_speed_m_per_s, 0))
+    assert wire.to_array(make_block(radar=nearly))[0][2] == wire.HEADER_LENGTH
+
+
 def test_messages_of_radars_in_air_are_those_of_before(make_block):
     data, _, offset = wire.to_array(make_block(n_pulses=2))
     assert data[2] == 24 and offset == 24 + 2 * (4 + 12 * 2)
