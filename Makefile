@@ -88,7 +88,8 @@ help:
 	@echo 'make drawings'
 	@echo '             draw the mermaid blocks of the pages again that were changed; needs npx and Chromium'
 	@echo 'make release-check'
-	@echo '             whether this version may be published: version, changelog, addresses'
+	@echo '             whether this version may be published: version, changelog, addresses; wheel and source'
+	@echo '             distribution built, checked, installed and tested'
 	@echo 'make clean   remove what these commands made, the environment excepted'
 	@echo 'Variables: PYTHON=python3.12 (interpreter), VENV=path (environment)'
 
@@ -111,8 +112,11 @@ lint: environment
 	@$(RUN) -m ruff check .
 
 # What a version needs before it is published, see docs/releasing.md.
+# What cannot be checked here is told as skipped.
 release-check: environment
-	@$(RUN) -m pytest -m release test/test_package.py
+	@$(RUN) -c 'import build, twine' 2>/dev/null || \
+	    $(RUN) -m pip install --quiet --disable-pip-version-check -r requirements-release.txt
+	@$(RUN) -m pytest -m release test/test_package.py test/test_distribution.py
 
 # The suite takes a part of this.
 processors: environment
@@ -243,12 +247,18 @@ colcon:
 	@echo 'colcon build, copied and linked, and every executable ...'
 	@$(COLCON)/bin/python -m pytest test/test_colcon.py
 
+# What pip would install as `sar-imaging`, by the Python beside it: shell and Python read it alike.
+PROGRAM = '\#!/bin/sh' "'''exec' \"\$$(dirname \"\$$0\")/python\" \"\$$0\" \"\$$@\"" "' '''" \
+    'import sys' 'from sar_imaging.tools.command import main' 'sys.exit(main())'
+
 # The path from the environment to the checkout, so that both may be moved together, makes the
 # package importable from anywhere.
 environment: installed
 	@$(RUN) -c 'import os, pathlib, sysconfig; site = sysconfig.get_path("purelib"); \
 	    file = pathlib.Path(site, "sar_imaging.pth"); line = os.path.relpath(os.getcwd(), site) + "\n"; \
 	    file.exists() and file.read_text() == line or file.write_text(line)'
+	@test -x "$(VENV)/bin/sar-imaging" || { printf '%s\n' $(PROGRAM) > "$(VENV)/bin/sar-imaging" && \
+	    chmod +x "$(VENV)/bin/sar-imaging"; }
 
 # Libraries of file formats: what `pip install sar_imaging[formats]` installs, and what checks it.
 # NumPy stays as it is, for ROS installations bring one that their messages are compiled for.

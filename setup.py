@@ -1,11 +1,27 @@
 # Copyright 2026 SAR Imaging contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Installs the package for colcon (`ros2 run`, `ros2 launch`) and for pip."""
+"""Installs the package for colcon (`ros2 run`, `ros2 launch`) and for pip.
 
+What describes the package stands in `pyproject.toml`. Here is what colcon asks setup() for, and
+what is computed: the version, the page of the package index, and which programs there are.
+"""
+
+import re
 import sys
 from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
+
+# Where this project lives. It has no public address yet: write it here and in package.xml, and
+# nowhere else, see docs/releasing.md. Names that end in .example never exist.
+ADDRESS = 'https://sar-imaging.example'
+# colcon builds from a folder of links to this file, pyproject.toml and README.md not among them
+HERE = Path(__file__).resolve().parent
+VERSION = re.search(r"^__version__ = '(.+)'", (HERE / 'sar_imaging/__init__.py').read_text(),
+                    re.MULTILINE)[1]
+# A page of the package index knows no files beside it: links lead to those of this version.
+FILES, PICTURES = f'{ADDRESS}/blob/{VERSION}/', f'{ADDRESS}/raw/{VERSION}/'
 
 # Where `ros2 run` looks for executables; pip ignores it and uses its own bin folder.
 EXECUTABLES = '$base/lib/sar_imaging'
@@ -15,19 +31,35 @@ EXECUTABLES = '$base/lib/sar_imaging'
 FOR_PIP = {'bdist_wheel', 'dist_info', 'editable_wheel'} & set(sys.argv)
 ONE_PROGRAM = {'console_scripts': ['sar-imaging = sar_imaging.tools.command:main']}
 
+
+def read_me():
+    """README.md, whose relative links are addresses."""
+    def absolute(link):
+        if '://' in link['target'] or link['target'].startswith('#'):
+            return link[0]
+        return f"{link['text']}({PICTURES if link['picture'] else FILES}{link['target']})"
+
+    text = (HERE / 'README.md').read_text(encoding='utf-8')
+    return re.sub(r'(?P<text>(?P<picture>!?)\[[^]]*\])\((?P<target>[^)]+)\)', absolute, text)
+
+
 arguments = dict(
     name='sar_imaging',
-    version='0.2.0',
-    description='Multichannel synthetic aperture radar imaging for ROS 2',
-    license='Apache-2.0',
-    maintainer='SAR Imaging maintainers',
-    maintainer_email='maintainers@users.noreply.h-seed-39d5f724.example',
-    python_requires='>=3.10',
+    version=VERSION,
+    python_requires='>=3.10',  # colcon cannot read what setuptools makes of that in pyproject.toml
+    long_description=read_me(),
+    long_description_content_type='text/markdown',
+    license='Apache-2.0',  # old and new setuptools want it differently in pyproject.toml
+    url=ADDRESS,
+    project_urls={'Documentation': f'{FILES}docs/index.md', 'Source': ADDRESS,
+                  'Issues': f'{ADDRESS}/issues', 'Changelog': f'{FILES}CHANGELOG.rst'},
     packages=find_packages(include=['sar_imaging', 'sar_imaging.*',
                                     'msg_conversions', 'msg_conversions.*']),
+    include_package_data=False,  # what is listed here, not what lies beside the modules
     # Twice on purpose: inside the package for importlib.resources, in share for ROS tools.
-    package_data={'sar_imaging': ['config/*.*', 'config/recordings/*', 'launch/*', 'resource/*',
-                                  'planning/*.json']},
+    package_data={'msg_conversions': ['py.typed'],
+                  'sar_imaging': ['config/*.*', 'config/recordings/*', 'launch/*', 'resource/*',
+                                  'planning/*.json', 'py.typed']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['sar_imaging/resource/sar_imaging']),
         ('share/sar_imaging', ['package.xml']),
@@ -37,35 +69,6 @@ arguments = dict(
          sorted(glob('sar_imaging/config/recordings/*.yaml'))),
         ('share/sar_imaging/resource', sorted(glob('sar_imaging/resource/*.*'))),
     ],
-    # rclpy and the messages stand in package.xml only: on a robot they come from the system.
-    install_requires=[
-        'numpy>=1.26,<3',
-        'scipy>=1.11,<2',
-        'numba>=0.58,<1',
-        'matplotlib>=3.6,<4',
-        'pyyaml>=6,<7',
-        'rosbags>=0.11.7,<0.12',
-        'tqdm>=4.64,<5',
-    ],
-    # Formats of files, see sar_imaging.formats; sarkit exists for Python 3.11 and later. Archives,
-    # see sar_imaging.archive, need those too; so does zarr 3.
-    extras_require={'formats': ['sarkit>=1.3,<2 ; python_version>="3.11"', 'rasterio>=1.3,<2',
-                                'pyproj>=3.4,<4', 'pystac>=1.8,<2'],
-                    'archive': ['sar_imaging[formats]',
-                                'dask>=2024.1,<2027', 'distributed>=2024.1,<2027',
-                                'bokeh>=3.1,<4', 'zarr>=3,<4 ; python_version>="3.11"',
-                                'zarr>=2.18,<3 ; python_version<"3.11"',
-                                'numcodecs>=0.11,<0.16 ; python_version<"3.11"'],
-                    'hdf5': ['h5py>=3.8,<4'],  # MATLAB 7.3 and HDF5, see docs/loading.md
-                    # the documentation site, `make docs`
-                    'docs': ['sphinx>=8.1,<10', 'myst-parser>=4,<6', 'numpydoc>=1.8,<2',
-                             'furo>=2025.7,<2027', 'sphinx-copybutton>=0.5.2,<0.6',
-                             'sphinx-gallery>=0.18,<0.24', 'latex2mathml>=3.77,<4'],
-                    # devices, see docs/gpu.md
-                    # (numba-cuda 0.30 compiles nothing beside NumPy 2.5, which lacks row_stack)
-                    'cuda': ['cupy-cuda13x[ctk]>=14,<15', 'numba-cuda[cu13]>=0.20,<1',
-                             'numpy<2.5'],
-                    'test': ['pytest>=7.4,<10', 'pytest-xdist>=3.7,<4', 'hypothesis>=6.80,<7']},
     entry_points={
         'console_scripts': [
             'radar_driver = sar_imaging.nodes.radar_driver:main',
@@ -80,6 +83,7 @@ arguments = dict(
             'simulate_archive = sar_imaging.tools.simulate_archive:main',
             'compile_kernels = sar_imaging.tools.compile_kernels:main',
             'environment = sar_imaging.tools.environment:main',
+            'completion = sar_imaging.tools.completion:main',
             'measure_costs = sar_imaging.tools.measure_costs:main',
             'check_config = sar_imaging.tools.check_config:main',
             'evaluate = sar_imaging.tools.evaluate:main',

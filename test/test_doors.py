@@ -17,7 +17,7 @@ from sar_imaging.recordings.bag_io import read_poses, read_truth
 from sar_imaging.tools import command
 
 ROOT = pathlib.Path(__file__).parent.parent
-SET_UP = ('source', 'alias')  # lines that prepare a terminal
+SET_UP = ('source',)  # lines that prepare a terminal
 
 
 def walk(name: str, folder: pathlib.Path) -> dict:

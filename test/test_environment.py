@@ -14,6 +14,8 @@ import venv
 
 import pytest
 
+import sar_imaging
+
 pytest.importorskip('rclpy', reason='make environment installs it, here without a network')
 
 ROOT = pathlib.Path(__file__).parents[1]
@@ -53,6 +55,12 @@ def test_the_package_is_importable_from_anywhere(tmp_path, distribution):
         assert (done.returncode, done.stdout, done.stderr) == (0, '', '')
         return (site / 'sar_imaging.pth').read_bytes()
 
+    def program_version(folder):
+        # links to Python are not followed: the program's is that of its folder
+        done = subprocess.run([folder / 'bin' / 'sar-imaging', '--version'], cwd=tmp_path,
+                              text=True, env=clean_environment(distribution), capture_output=True)
+        return done.stdout.strip() or done.stderr
+
     def found(folder):
         done = subprocess.run([folder / 'bin' / 'python', '-P' if sys.version_info >= (3, 11)
                                else '-s', '-c', WHERE], cwd=tmp_path, text=True,
@@ -63,5 +71,7 @@ def test_the_package_is_importable_from_anywhere(tmp_path, distribution):
     written = make()
     assert found(folder) == str(checkout / 'sar_imaging' / '__init__.py')
     assert make() == written
+    assert program_version(folder) == sar_imaging.__version__
     moved = checkout.rename(tmp_path / 'moved')
     assert found(moved / folder.name) == str(moved / 'sar_imaging' / '__init__.py')
+    assert program_version(moved / folder.name) == sar_imaging.__version__

@@ -8,12 +8,19 @@ import ast
 import functools
 import pathlib
 import re
+import runpy
 import subprocess
 import sys
+import urllib.parse
 import xml.etree.ElementTree as ElementTree
 
 import pytest
 import yaml
+
+try:
+    import tomllib
+except ModuleNotFoundError:  # Python 3.10, where pytest brings it
+    import tomli as tomllib
 
 import sar_imaging
 from sar_imaging.tools import environment
@@ -76,17 +83,21 @@ def _third_party(path) -> set[str]:
     return tops - set(sys.stdlib_module_names) - set(PACKAGES)
 
 
-def _setup_keywords() -> dict:
-    """Literal keywords of what setup() is called with in setup.py."""
-    keywords = {}
-    for node in ast.walk(ast.parse((ROOT / 'setup.py').read_text())):
-        if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'dict':
-            for keyword in node.keywords:
-                try:
-                    keywords[keyword.arg] = ast.literal_eval(keyword.value)
-                except ValueError:
-                    pass  # computed, such as the list of packages
-    return keywords
+@functools.cache
+def _project() -> dict:
+    """What pyproject.toml says of the project."""
+    return tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']
+
+
+def _setup_keywords(command='bdist_wheel') -> dict:
+    """What setup.py calls setup() with, for pip or, by another command, for colcon."""
+    with pytest.MonkeyPatch.context() as patch:
+        given = {}
+        patch.setattr('setuptools.setup', lambda **keywords: given.update(keywords))
+        patch.setattr('sys.argv', ['setup.py', command])
+        patch.chdir(ROOT)
+        runpy.run_path('setup.py')
+    return given
 
 
 def _manifest() -> ElementTree.Element:
@@ -105,32 +116,48 @@ def test_manifest_is_an_ament_python_package():
 
 
 def test_who_maintains_it_is_the_same_everywhere():
-    maintainer, setup = _manifest().find('maintainer'), _setup_keywords()
-    assert maintainer.get('email') == setup['maintainer_email']
-    assert maintainer.text == setup['maintainer']
+    maintainer = _manifest().find('maintainer')
+    assert _project()['maintainers'] == [{'name': maintainer.text,
+                                          'email': maintainer.get('email')}]
 
 
-def missing_addresses(manifest):
-    """What a published version needs and a manifest lacks."""
+def missing_addresses(manifest, address):
+    """What a published version needs and a manifest, or the page of the index, lacks."""
     missing = [kind for kind in ('repository', 'bugtracker')
                if manifest.find(f"url[@type='{kind}']") is None]
     if manifest.find('maintainer').get('email').endswith('.example'):  # RFC 2606: never exists
         missing.append('maintainer')
+    if urllib.parse.urlsplit(address).hostname.endswith('.example'):
+        missing.append('ADDRESS in setup.py')
     return missing
 
 
 def test_missing_addresses_are_told():
     text = '<package><maintainer email="{}"/>{}</package>'
     bare = ElementTree.fromstring(text.format('somebody@place.example', ''))
-    assert missing_addresses(bare) == ['repository', 'bugtracker', 'maintainer']
+    assert missing_addresses(bare, 'https://place.example/sar') == [
+        'repository', 'bugtracker', 'maintainer', 'ADDRESS in setup.py']
     full = ElementTree.fromstring(text.format(
         'somebody@place.org', '<url type="repository">a</url><url type="bugtracker">b</url>'))
-    assert missing_addresses(full) == []
+    assert missing_addresses(full, 'https://place.org') == []
 
 
 @pytest.mark.release
 def test_a_published_version_has_addresses_that_can_exist():
-    assert missing_addresses(_manifest()) == []
+    assert missing_addresses(_manifest(), _setup_keywords()['url']) == []
+
+
+def test_links_of_the_page_of_the_index_are_addresses():
+    setup, text = _setup_keywords(), (ROOT / 'README.md').read_text()
+    page, address = setup['long_description'], setup['url']
+    assert len(page) > len(text)
+    for mark, target in re.findall(r'(!?)\[[^]]*\]\(([^)]+)\)', page):
+        assert re.match('https://|#', target), f'{target} leads nowhere from an index'
+        if target.startswith(f'{address}/'):
+            kind, version, path = target.removeprefix(f'{address}/').split('/', 2)
+            assert (kind, version) == ('raw' if mark else 'blob', sar_imaging.__version__)
+            assert (ROOT / path.split('#')[0]).exists()
+    assert setup['project_urls']['Source'] == address
 
 
 def _sections() -> list[str]:
@@ -163,36 +190,36 @@ def test_manifest_covers_every_import():
 def test_setup_and_requirements_pin_the_same_versions():
     lines = (ROOT / 'requirements.txt').read_text().splitlines()
     pinned = {line.split(';')[0].strip() for line in lines if not line.startswith('#')}
-    setup = _setup_keywords()
-    wanted = set(setup['install_requires'] + setup['extras_require']['test'])
+    extras = _project()['optional-dependencies']
+    wanted = {*_project()['dependencies'], *extras['tools'], *extras['test']}
     assert wanted <= pinned
     # On a robot rclpy and the messages come from apt; pip must never pull another set of them.
     assert not [name for name in wanted if name.startswith('ros-')]
 
 
 def test_extras_are_what_make_installs():
-    extras = _setup_keywords()['extras_require']
-    for extra in ('formats', 'archive', 'docs'):
+    extras = _project()['optional-dependencies']
+    for extra in ('formats', 'archive', 'docs', 'lint', 'release'):
         lines = (ROOT / f'requirements-{extra}.txt').read_text().splitlines()
-        missing = {*extras[extra]} - {*lines, 'sar_imaging[formats]'}
+        missing = {*extras[extra]} - {*lines, 'sar_imaging[formats]', 'sar_imaging[tools]'}
         assert not missing, f'requirements-{extra}.txt lacks {missing}'
     assert 'sar_imaging[formats]' in extras['archive']
+    assert 'sar_imaging[tools]' in extras['formats']
 
 
 def test_versions_of_all_requirements_are_told_of_a_machine():
-    setup = _setup_keywords()
-    extras = [name for extra in ('formats', 'archive', 'hdf5', 'cuda')
-              for name in setup['extras_require'][extra]]
+    extras = [name for extra in ('tools', 'formats', 'archive', 'hdf5', 'cuda')
+              for name in _project()['optional-dependencies'][extra]]
 
     def names(requirements):
         return {re.match(r'[\w-]+', requirement).group() for requirement in requirements}
 
-    assert set(environment.REQUIRED) == names(setup['install_requires'])
+    assert set(environment.REQUIRED) == names(_project()['dependencies'])
     assert set(environment.OPTIONAL) == names(extras) - {'sar_imaging', 'numcodecs', 'numpy'}
 
 
 def test_executables_exist():
-    scripts = _setup_keywords()['entry_points']['console_scripts']
+    scripts = _setup_keywords('install')['entry_points']['console_scripts']
     for script in scripts:
         name, module, function = re.fullmatch(r'(\w+) = ([\w.]+):(\w+)', script).groups()
         assert module.split('.')[-1] == name
@@ -204,7 +231,7 @@ def test_executables_exist():
 
 
 def test_every_command_is_an_executable_of_ros():
-    scripts = _setup_keywords()['entry_points']['console_scripts']
+    scripts = _setup_keywords('install')['entry_points']['console_scripts']
     modules = {script.split(' = ')[1].split(':')[0] for script in scripts}
     assert {f'sar_imaging.tools.{module}' for module in COMMANDS.values()} <= modules
 
@@ -224,13 +251,9 @@ def test_every_source_file_names_its_holder_and_its_licence():
 
 @pytest.mark.parametrize(('command', 'expected'), [
     ('bdist_wheel', {'sar-imaging'}), ('install', None), ('develop', None)])
-def test_pip_puts_one_program_on_the_path(command, expected, monkeypatch):
-    given = {}
-    monkeypatch.setattr('setuptools.setup', lambda **keywords: given.update(keywords))
-    monkeypatch.setattr('sys.argv', ['setup.py', command])
-    monkeypatch.chdir(ROOT)
-    exec(compile((ROOT / 'setup.py').read_text(), 'setup.py', 'exec'), {})
-    names = {script.split(' = ')[0] for script in given['entry_points']['console_scripts']}
+def test_pip_puts_one_program_on_the_path(command, expected):
+    scripts = _setup_keywords(command)['entry_points']['console_scripts']
+    names = {script.split(' = ')[0] for script in scripts}
     if expected is None:  # colcon: for `ros2 run`
         assert {'backprojection', 'simulate', 'evaluate'} <= names
     else:

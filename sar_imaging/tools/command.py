@@ -28,6 +28,7 @@ COMMANDS = {
     ('compile',): 'compile_kernels',
     ('measure-costs',): 'measure_costs',
     ('env',): 'environment',
+    ('completion',): 'completion',
     ('load',): 'load',
     ('archive',): 'archive.archive',
     ('image',): 'products.image',
@@ -35,6 +36,13 @@ COMMANDS = {
     ('change',): 'products.change',
     ('doctor',): 'products.doctor',
 }
+
+# What is said where a library is not installed that not every machine has.
+_LACKING = {
+    'rclpy': 'talks to ROS nodes and needs rclpy, which is not installed; docs/install.md has the '
+             'ways to get it. sar-imaging image needs no ROS',
+    'matplotlib': 'draws pictures and needs Matplotlib, which is not installed; install the '
+                  "extra: pip install 'sar_imaging[tools]'"}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -66,11 +74,9 @@ def _run(module: str, words: Sequence[str]) -> int:
     try:
         program = importlib.import_module(f'sar_imaging.tools.{module}')
     except ModuleNotFoundError as error:
-        if error.name != 'rclpy':
+        if error.name not in _LACKING:
             raise
-        print('error: this command talks to ROS nodes and needs rclpy, which is not installed; '
-              'docs/install.md has the ways to get it. sar-imaging image needs no ROS',
-              file=sys.stderr)
+        print(f'error: this command {_LACKING[error.name]}', file=sys.stderr)
         return 1
     return program.main(words)
 

@@ -28,9 +28,9 @@ processor, memory, ROS, CUDA device, and the variables of the environment that c
 Paste it into the report; read it first, since paths may tell your name.
 """
 #: Distributions that the package needs, and those of its extras.
-REQUIRED = 'numpy', 'scipy', 'numba', 'matplotlib', 'pyyaml', 'rosbags', 'tqdm'
-OPTIONAL = ('sarkit', 'rasterio', 'pyproj', 'pystac', 'dask', 'distributed', 'bokeh', 'zarr',
-            'h5py', 'cupy-cuda13x', 'numba-cuda')
+REQUIRED = 'numpy', 'scipy', 'numba', 'pyyaml', 'tqdm'
+OPTIONAL = ('matplotlib', 'rosbags', 'sarkit', 'rasterio', 'pyproj', 'pystac', 'dask',
+            'distributed', 'bokeh', 'zarr', 'h5py', 'cupy-cuda13x', 'numba-cuda')
 _VARIABLES = re.compile('SAR_IMAGING_|NUMBA_|OMP_|ROS_|RMW_|FASTRTPS_|FASTDDS_|CYCLONEDDS_')
 
 
