@@ -19,7 +19,7 @@ Print what lets bash or zsh complete the commands of sar-imaging, their options 
 these. Files are completed where nothing else fits.
 
   sar-imaging completion bash > ~/.local/share/bash-completion/completions/sar-imaging
-  echo 'eval "$(sar-imaging completion zsh)"' >> ~/.zshrc   # after compinit
+  echo 'source <(sar-imaging completion zsh)' >> ~/.zshrc   # after compinit
 """
 _FUNCTION = """\
 _sar_imaging() {
