@@ -74,6 +74,7 @@ def taper_band(guard_m: float) -> float:
 
 
 _STEPS_PER_BIN = 4
+_LEAST = 1e-30  # of an error
 _FINER = 2  # samples of the taper in a cell: its spectrum is wanted beyond the cells' own
 _LEAST_PLACES = 8  # of a table; one in each cell where that is more
 _CELLS_BETWEEN = 64  # the guards, in a table: errors are those of the edges
@@ -159,14 +160,29 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency, place=None,
     nearest = np.abs(np.subtract.outer(places, where)).argmin(axis=0)
     by_place = edge / len(where) * np.stack([
         (share * (nearest == number)) @ table for number in range(len(places))])
+    by_place = _stretched(by_place, n)
     # Of both ends: the other one lies n + 1 bins from the first.
-    scale, last = _STEPS_PER_BIN * cells / n, table.shape[1] - 1
-    other = np.clip(round((n + 1) * scale) - np.arange(last + 1), 0, last)
-    by_place = by_place + by_place[:, other]
-    step = (n - n // 2 - frequency) * scale
-    step = np.minimum(np.rint(step, out=step), last, out=step).astype(np.intp)
+    last = by_place.shape[1] - 1
+    by_place = by_place + by_place[:, np.minimum(last + 1 - np.arange(last + 1), last)]
+    step = np.rint((n - n // 2 - frequency) * _STEPS_PER_BIN).astype(np.intp)
     error = by_place.take(step + group * (last + 1))
     return error @ (1 / np.bincount(group))[group]
+
+
+def _stretched(table, n: int) -> np.ndarray:
+    """Errors by distance in bins of n cells from those in bins of fewer.
+
+    Bins apart shrink, but not shares of a bin: from one to the next errors swing as the tails of
+    both guards add or cancel.
+    """
+    part = np.arange(_STEPS_PER_BIN) / _STEPS_PER_BIN
+    table = np.log(table.reshape(len(table), -1, _STEPS_PER_BIN) + _LEAST)
+    cells = table.shape[1]
+    whole = np.maximum((np.arange(n + 1)[:, None] + part) * (cells / n) - part, 0.0)
+    below, number = np.minimum(whole.astype(np.intp), cells - 2), np.arange(_STEPS_PER_BIN)
+    share = np.minimum(whole - below, 1.0)
+    return np.exp(table[:, below, number] * (1 - share) + table[:, below + 1, number] * share
+                  ).reshape(len(table), -1)
 
 
 def density_at(where, density, beyond: float | None = None) -> np.ndarray:
