@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numba
-from numba.core import compiler, config, cpu, event
+from numba.core import codegen, compiler, config, cpu, event
 
 _OLDEST_NUMBA = (0, 58)
 
@@ -52,13 +52,46 @@ def one_thread() -> Iterator[None]:
 #: Reordering of float operations that keeps NaN and infinity meaningful.
 FASTMATH = {'contract', 'reassoc', 'nsz', 'arcp'}
 
-#: The same without reordered sums. Numba runs a parallel function that it has just compiled
-#: after fewer passes of the optimiser than one from its cache: reordered sums may differ then.
+#: The same without reordered sums: how LLVM reorders them changes with its version.
 DETERMINISTIC = {'contract', 'nsz', 'arcp'}
 
 # LLVM keeps to 256-bit vectors on many processors with AVX-512 unless a function says otherwise;
 # the imaging kernels run about 1.5 times faster with 512. Other processors take no notice.
 _WIDEST = '"prefer-vector-width"="512"'
+
+
+class _Library(codegen.JITCodeLibrary):
+    """Code that is optimised, and becomes machine code, when somebody asks where it is.
+
+    Numba does so with the body of a parallel loop, with two functions around it, and with the
+    function that all of these are linked into, which alone it runs: twice the time.
+    """
+
+    _made = False
+
+    def _optimize_final_module(self):
+        pass  # later
+
+    def _finalize_final_module(self):
+        self._finalized = True
+
+    def optimize(self):
+        self._ensure_finalized()
+        super()._optimize_final_module()
+
+    def _make(self):
+        if not self._made:
+            self._made = True
+            self.optimize()
+            super()._finalize_final_module()
+
+    def get_pointer_to_function(self, name):
+        self._make()
+        return super().get_pointer_to_function(name)
+
+    def _get_compiled_object(self):
+        self._make()
+        return super()._get_compiled_object()
 
 
 class _WideContext(cpu.CPUContext):
@@ -67,14 +100,27 @@ class _WideContext(cpu.CPUContext):
         set.add(function.attributes, _WIDEST)  # llvmlite knows no attributes with a value
         return function
 
+    def get_executable(self, library, fndesc, env):
+        if fndesc.qualname.startswith('__numba_parfor_gufunc'):  # the body of a parallel loop
+            library.optimize()  # alone, where LLVM knows best which arrays do not overlap
+            self.environments.append((self.get_env_name(fndesc), env))
+            return None
+        executable = super().get_executable(library, fndesc, env)
+        while self.environments:
+            library.codegen.set_env(*self.environments.pop())
+        return executable
+
 
 class _WideCompiler(compiler.Compiler):
     """Numba's compiler; LLVM uses the widest vectors, in these functions alone."""
 
     def __init__(self, typing_context, target_context, *others):
         super().__init__(typing_context, target_context, *others)
-        self.state.targetctx = copy.copy(self.state.targetctx)  # as Numba does for its options
-        self.state.targetctx.__class__ = _WideContext
+        context = copy.copy(self.state.targetctx)  # as Numba does for its options
+        context.__class__, context.environments = _WideContext, []
+        context._internal_codegen = copy.copy(context._internal_codegen)
+        context._internal_codegen._library_class = _Library
+        self.state.targetctx = context
 
 
 class _DistinctCompiler(_WideCompiler):

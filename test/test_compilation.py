@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from llvmlite import binding
+from numba.core import codegen
 
 from sar_imaging import compilation
 from sar_imaging.compilation import counted, numba
@@ -125,6 +126,16 @@ def test_kernels_use_vectors_of_512_bits(parallel):
     compiled(x, y)
     np.testing.assert_array_equal(y, [x * x] * 2)
     assert 'zmm' in ''.join(compiled.inspect_asm().values())
+
+
+def test_a_parallel_function_becomes_machine_code_once(monkeypatch):
+    """Numba makes it of the loop and of two wrappers as well, and runs none of these."""
+    made, finalize = [], codegen.JITCodeLibrary._finalize_specific
+    monkeypatch.setattr(codegen.JITCodeLibrary, '_finalize_specific',
+                        lambda self: (made.append(self.name), finalize(self)))
+    x, y = np.ones(10, np.float32), np.zeros((2, 10), np.float32)
+    compilation.njit(_add_squares, parallel=True, cache=False)(x, y)
+    assert made == ['_add_squares'] and (y == 1.0).all()
 
 
 @pytest.mark.parametrize('version', ['0.57.1', '0.9', '0.57.0rc1'])

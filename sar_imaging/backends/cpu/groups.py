@@ -287,8 +287,9 @@ def form_parts(cells, degrees, tx, rx, repeats, parts, frequency, lines, work, c
         while job < n_jobs:
             part, block = parts[job // n_blocks], job % n_blocks
             for s in range(len(lines.middles)):
+                # the loop runs with an unsigned task; Numba would compile for a signed one, too
                 _form_segment(cells, degrees, tx, rx, repeats, part, frequency[part[2]], lines,
-                              work, task, block, s)
+                              work, np.uint64(task), block, s)
             job = take_job(counter)
 
 
