@@ -96,7 +96,10 @@ class Interpolator:
         Cycles per sample; 2 where one is beyond what samples can hold.
         """
         last = len(self._errors) - 1
-        place = np.minimum(np.abs(frequency) * (2 * (last - 1)) + 0.5, last)
+        place = np.abs(frequency)
+        place *= 2 * (last - 1)
+        place += 0.5
+        place = np.minimum(place, last)
         return self._errors.take(place.astype(np.intp))
 
     def mean_error_db(self, frequency, weight) -> float:

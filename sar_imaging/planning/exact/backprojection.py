@@ -76,8 +76,8 @@ class GridLines:
     def __init__(self, grid: EvenGrid, tx_m, rx_m, illumination: Illumination | None = None):
         n_axes = len(grid.shape)
         n = _SAMPLES_PER_SIDE[n_axes]
-        points = even_positions(grid, *(i.ravel() for i in np.meshgrid(
-            *(np.linspace(0, size - 1, n) for size in grid.shape), indexing='ij')))
+        side = (np.array(grid.shape) - 1) / (n - 1)
+        points = even_positions(grid, *(np.indices((n,) * n_axes).reshape(n_axes, -1).T * side).T)
         # a map or plane is a volume of one layer
         shape = (1,) * (3 - n_axes) + grid.shape
         steps = np.concatenate([np.zeros((3 - n_axes, 3)), grid.steps_m])

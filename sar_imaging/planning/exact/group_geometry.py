@@ -29,6 +29,7 @@ _LEAST_AHEAD = 0.25  # sine of the direction to a corner; nearer to the track th
 _ALONG_LOOK = 0.85  # cosine between track and look, above which the look decides
 SEEN = 0.02  # share of the range that a place must lie ahead
 _EDGE = 16  # places along a side of the map where its extent is bounded
+_TO_LAST = np.array([1.0, -1.0])  # y falls from row to row
 _REACHED = 0.25  # square of the share of a pixel's distance ahead that its row must reach back to
 
 
@@ -54,9 +55,8 @@ class Frames(NamedTuple):
     axis: np.ndarray
 
 
-def frames_of(grid: MapGrid, centres_m, starts) -> Frames:
-    """Frames of groups that begin at `starts` of phase centres (E, 3), metres."""
-    counts = np.diff(starts, append=len(centres_m))
+def frames_of(grid: MapGrid, centres_m, starts, counts) -> Frames:
+    """Frames of groups of `counts` phase centres, (E, 3), metres, from `starts` on."""
     origin = np.add.reduceat(centres_m, starts) / counts[:, None]
     flat = centres_m[:, :2] - np.repeat(origin[:, :2], counts, axis=0)
     xx, xy, yy = np.add.reduceat(flat[:, [0, 0, 1]] * flat[:, [0, 1, 1]], starts).T
@@ -70,9 +70,8 @@ def frames_of(grid: MapGrid, centres_m, starts) -> Frames:
     track = np.where((along_look | (xx + yy < 1e-18))[:, None], across, track)
     ahead = np.stack([-track[:, 1], track[:, 0]], axis=1)
     ahead *= np.where((ahead * look).sum(axis=1) < 0, -1.0, 1.0)[:, None]
-    corners = np.stack(np.meshgrid(grid.x_m[[0, -1]], grid.y_m[[0, -1]]), axis=-1).reshape(-1, 2)
-    away = corners - origin[:, None, :2]
-    sine = (away @ ahead[:, :, None])[..., 0] / (np.hypot(*np.moveaxis(away, -1, 0)) + 1e-12)
+    away = _across(grid, _CORNERS) - origin[:, None, :2]
+    sine = (away @ ahead[:, :, None])[..., 0] / (np.hypot(away[..., 0], away[..., 1]) + 1e-12)
     beside = (sine.min(axis=1) < _LEAST_AHEAD)[:, None]
     track, ahead = np.where(beside, across, track), np.where(beside, look, ahead)
     along = (flat * np.repeat(track, counts, axis=0)).sum(axis=1)
@@ -82,9 +81,8 @@ def frames_of(grid: MapGrid, centres_m, starts) -> Frames:
     return Frames(origin, track, ahead, origin[:, 2] - grid.z_m, axis)
 
 
-def in_frames(frames: Frames, centres_m, starts) -> np.ndarray:
+def in_frames(frames: Frames, centres_m, counts) -> np.ndarray:
     """(E, 3) float64 X, Y and c of phase centres (E, 3) of groups, metres and square metres."""
-    counts = np.diff(starts, append=len(centres_m))
     origin, track, ahead, height = (np.repeat(a, counts, axis=0) for a in frames[:4])
     away = centres_m - origin
     return np.stack([(away[:, :2] * track).sum(axis=1), (away[:, :2] * ahead).sum(axis=1),
@@ -122,17 +120,28 @@ LOBATTO = {3: (np.array([0.0, 0.5, 1.0]), np.array([1.0, 4.0, 1.0]) / 6),
                np.array([9.0, 49.0, 64.0, 49.0, 9.0]) / 180)}
 
 
+_SQUARES = {n: np.stack(np.meshgrid(nodes, nodes), axis=-1).reshape(-1, 2)
+            for n, (nodes, _) in LOBATTO.items()}
+_CORNERS, _ALONG = np.array([(0, 0), (1, 0), (0, 1), (1, 1)]), np.linspace(0, 1, _EDGE + 1)
+_EDGES = np.array([*((u, v) for v in (0, 1) for u in _ALONG), *(
+    (u, v) for u in (0, 1) for v in _ALONG)])
+
+
+def _across(grid: MapGrid, square) -> np.ndarray:
+    """(N, 2) x and y of places of a unit square, (N, 2), on a map, from its first pixel on."""
+    half = 0.5 * (np.array([grid.n_x, grid.n_y]) - 1) * grid.spacing_m * _TO_LAST
+    middle = np.array(grid.centre_m[:2])
+    first = middle - half
+    return first + square * (middle + half - first)
+
+
 def places_of(grid: MapGrid, frames: Frames, n: int = 5) -> Places:
     """Places all over a map, the nodes of `LOBATTO` along both axes."""
-    x, y = (v[0] + (v[-1] - v[0]) * LOBATTO[n][0] for v in (grid.x_m, grid.y_m))
-    xy = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    r, alpha, forward, ahead, beside = _polar(frames, xy)
+    r, alpha, forward, ahead, beside = _polar(frames, _across(grid, _SQUARES[n]))
     seen = ((forward > SEEN * r) & (np.abs(ahead) > SEEN * r)).all(axis=1)
     seen &= (ahead > 0).all(axis=1) | (ahead < 0).all(axis=1)
     along = _along(frames)[0][:, None]
-    with np.errstate(divide='ignore', invalid='ignore'):
-        by_range = (along * r / ahead - alpha) / r
-    return Places(r, alpha, forward, by_range, ahead, beside, seen)
+    return Places(r, alpha, forward, (along * r / ahead - alpha) / r, ahead, beside, seen)
 
 
 def _along(frames: Frames) -> tuple[np.ndarray, np.ndarray]:
@@ -152,34 +161,25 @@ def _polar(frames: Frames, xy):
     return r, alpha, forward, np.where(first, x, y), np.where(first, y, x)
 
 
-def direction_slopes(places: Places, centres: list[np.ndarray], starts) -> np.ndarray:
-    """(E, S) derivatives of half paths by direction, metres; `centres` of `in_frames`, one or two.
+def direction_slopes(places: Places, centres: list[np.ndarray]) -> np.ndarray:
+    """(G, M, S) derivatives of half paths by direction, metres, of echoes (G, M, 3).
 
-    One where receivers are where transmitters are.
+    `centres` are of `in_frames`, of transmitters and receivers, or once where these are in the
+    same places.
     """
     r, alpha, f = places[:3]
     square = np.stack([r * r, -2 * alpha * r, -2 * f, np.ones_like(r)], axis=1)
     by_alpha = np.stack([-r, r * r * alpha / f], axis=1)
     slopes = 0.0
     for c in centres:
-        rows = np.concatenate([np.ones((len(c), 1)), c], axis=1)
-        slopes = slopes + (_by_group(c[:, :2], starts, by_alpha)
-                           / np.sqrt(np.maximum(_by_group(rows, starts, square), 1e-12)))
+        rows = np.concatenate([np.ones((*c.shape[:2], 1)), c], axis=2)
+        slopes = slopes + c[..., :2] @ by_alpha / np.sqrt(np.maximum(rows @ square, 1e-12))
     return slopes / len(centres)
 
 
-def _by_group(rows, starts, tables) -> np.ndarray:
-    """Rows (E, n) of groups times the table (n, S) of their group, (G, n, S)."""
-    counts = np.diff(starts, append=len(rows))
-    if (counts == counts[0]).all():
-        return (rows.reshape(len(starts), counts[0], -1) @ tables).reshape(len(rows), -1)
-    return np.concatenate([rows[a:a + n] @ t
-                           for a, n, t in zip(starts, counts, tables, strict=True)])
-
-
-def range_derivatives(places: Places, centres: list[np.ndarray], echoes, order: int = 4
+def range_derivatives(places: Places, centres: list[np.ndarray], order: int
                       ) -> list[np.ndarray]:
-    """Half paths of echoes (G, Q) and their derivatives by range: arrays (G, Q, S)."""
+    """(G, Q, S) half paths of echoes (G, Q, 3), and their derivatives by range up to an order."""
     r, alpha, f = (v[:, None] for v in places[:3])
     square = 1 - alpha * alpha
     f1 = r * square / f
@@ -188,7 +188,7 @@ def range_derivatives(places: Places, centres: list[np.ndarray], echoes, order: 
     f4 = -(4 * f1 * f3 + 3 * f2 * f2) / f
     found = []
     for c in centres:
-        x, y, constant = np.moveaxis(c[echoes], -1, 0)[..., None]
+        x, y, constant = (c[..., n, None] for n in range(3))
         d = np.sqrt(np.maximum(r * r + constant - x * (2 * alpha * r) - y * (2 * f), 1e-12))
         d1 = (r - x * alpha - y * f1) / d
         found.append([d, d1])
@@ -203,21 +203,20 @@ def range_derivatives(places: Places, centres: list[np.ndarray], echoes, order: 
     return [sum(of_path) / len(centres) for of_path in zip(*found, strict=True)]
 
 
-def slopes_beyond(places, centres: list[np.ndarray], counts, frames: Frames, least) -> np.ndarray:
-    """(E, N) derivatives by direction at places (G, N, 2) beside the map: ranges and alphas.
+def slopes_beyond(range_m, alpha, centres: list[np.ndarray], frames: Frames, least) -> np.ndarray:
+    """(G, M, N) derivatives by direction at places (G, N) beside the map, of echoes (G, M, 3).
 
     There f is continued; `least`, (G,), is the root where the continuation begins.
     """
-    r, alpha = places[..., 0], places[..., 1]
-    root, slope = continued_root(1 - alpha * alpha - (frames.height_m[:, None] / r) ** 2,
+    root, slope = continued_root(1 - alpha * alpha - (frames.height_m[:, None] / range_m) ** 2,
                                  least[:, None])
-    tables = [np.repeat(v, counts, axis=0) for v in (
-        r * r, -2 * alpha * r, -2 * r * root, -r, 2 * alpha * r * slope)]
+    r, alpha, root, slope = (v[:, None] for v in (range_m, alpha, root, slope))
+    square, along, ahead, bend = r * r, 2 * alpha * r, 2 * r * root, 2 * alpha * r * slope
     found = 0.0
     for c in centres:
-        x, y, constant = c.T[..., None]
-        d2 = np.maximum(tables[0] + x * tables[1] + y * tables[2] + constant, 0.01 * tables[0])
-        found = found + (x * tables[3] + y * tables[4]) / np.sqrt(d2)
+        x, y, constant = (c[..., n, None] for n in range(3))
+        d2 = np.maximum(square - x * along - y * ahead + constant, 0.01 * square)
+        found = found + (y * bend - x * r) / np.sqrt(d2)
     return found / len(centres)
 
 
@@ -255,10 +254,7 @@ class Extents(NamedTuple):
 
 def extents_of(grid: MapGrid, frames: Frames, reach_m) -> Extents:
     """Extents of a map whose rows are read `reach_m`, (G,), nearer and further than its pixels."""
-    u = np.linspace(0, 1, _EDGE + 1)
-    x, y = ((v[0] + u * (v[-1] - v[0])) for v in (grid.x_m, grid.y_m))
-    edges = np.concatenate([np.stack(np.broadcast_arrays(*pair), axis=1) for pair in (
-        (x, y[0]), (x, y[-1]), (x[0], y), (x[-1], y))])
+    edges = _across(grid, _EDGES)
     r, _, forward, ahead, beside = _polar(frames, edges)
     along, across = (v[:, None, None] for v in _along(frames))
     read = np.maximum(r[..., None] + reach_m[:, None, None] * np.array([-1.0, 0.0, 1.0]), 1e-9)
@@ -267,10 +263,10 @@ def extents_of(grid: MapGrid, frames: Frames, reach_m) -> Extents:
     reached = ((square >= _REACHED * ahead ** 2) | (np.abs(along) < 1e-4)).all(axis=(1, 2))
     alpha = (np.copysign(np.sqrt(np.maximum(square, 0.0)), ahead) * along + beside * across) / read
     alpha, read = (v.reshape(len(r), -1) for v in (alpha, read))
-    ends = np.stack([alpha.argmin(axis=1), alpha.argmax(axis=1)], axis=1)
-    corner, alpha = (np.take_along_axis(v, ends, axis=1) for v in (read, alpha))
+    ends = np.arange(len(r))[:, None], np.stack([alpha.argmin(axis=1), alpha.argmax(axis=1)], 1)
+    corner, alpha = read[ends], alpha[ends]
     # between two places of the edge
-    slack = 0.125 * max(np.ptp(grid.x_m), np.ptp(grid.y_m)) / _EDGE
+    slack = 0.125 * np.ptp(edges, axis=0).max() / _EDGE
     nearest, sides = r.min(axis=1), np.array([-1.0, 1.0])
     return Extents(np.stack([nearest, r.max(axis=1)], axis=1) + slack * sides,
                    alpha + (slack / nearest)[:, None] * sides, corner,

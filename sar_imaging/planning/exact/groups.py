@@ -13,6 +13,7 @@ what remains is imaged point by point.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import itertools
@@ -42,7 +43,6 @@ from .group_geometry import (
     LOBATTO,
     SEEN,
     Extents,
-    Frames,
     Places,
     bent_rows,
     direction_slopes,
@@ -69,6 +69,7 @@ _SEEK = 5  # echoes of a group by which the number of groups is sought
 _WAVENUMBERS = 5  # of the band, at which errors are looked up
 _SLACK, _FINER = 1.01, 0.999
 _STEEP = 0.5  # height over the nearest range, of bent groups
+_HASH = np.array([1, 0x1E3779B97F4A7C15, 0x42B2AE3D27D4EB4F])  # tells places apart by one number
 _STILL, _PASSES = 0.1, 3  # share of echoes from places of more echoes than so many
 _CHANGE = 0.02  # of s along half a segment, over its value where its continuation begins
 _MOST_ENDS = 0.6  # of a target, that ends of profiles may take
@@ -77,6 +78,8 @@ _NEARER = 0.35  # of the taps: how far beside a pixel interpolators read with we
 _BEGIN = 0.95  # of the least f / r of the map, where its continuation begins
 _SEGMENTS = (256, 128, 64, 32, 16)
 _LEAST_ECHOES = 4  # of a part
+_PARTS = np.array(list(itertools.accumulate(  # numbers of parts to choose from
+    range(30), lambda n, _: math.ceil(1.35 * n), initial=1)))
 _LEAST_SIDE = 40  # pixels of a part of a map
 _CHEAP = 0.5  # of the time by points: not worth dividing
 _WORTH_DIVIDING_NS = 1e8  # of time by points: twenty times what planning takes
@@ -135,8 +138,8 @@ class GroupedMap:
         Between lines of a group and along them, to the map; and between lines of parts.
     errors_db : mapping of str to float
         Predicted error by cause, dB.
-    cost : float
-        Nanoseconds of the image.
+    operations : mapping of str to float
+        How often the operations of `CostModel` are done.
     """
 
     grid: MapGrid
@@ -151,7 +154,7 @@ class GroupedMap:
     along: Interpolator
     parts: Interpolator
     errors_db: Mapping[str, float]
-    cost: float
+    operations: Mapping[str, float]
 
     @property
     def n_parts(self) -> int:
@@ -159,16 +162,9 @@ class GroupedMap:
         return self.frequency.shape[1]
 
     @property
-    def operations(self) -> dict[str, float]:
-        """How often the operations of `CostModel` are done."""
-        g, n_echoes = self.groups, len(self.tx)
-        lattice, taps = self.lattice, (self.parts.n_taps, self.along.n_taps)
-        counts = _counts(self.grid, g, g['end'] - g['first'], g['n_coarse'], self.n_parts,
-                         lattice.segment, lattice.interpolator.n_planes, taps,
-                         crossed_lines(self))
-        return {name: float(np.sum(n)) for name, n in counts.items()} | {
-            'profile_bin': n_echoes * lattice.n_padded,
-            'profile_cell': n_echoes * lattice.n_cells * lattice.n_phases}
+    def cost(self) -> float:
+        """Nanoseconds of the image."""
+        return costs().nanoseconds(self.operations)
 
     @property
     def n_bytes(self) -> int:
@@ -192,8 +188,6 @@ class GroupPlan(Plan):
         How these are.
     window : RangeGate
         Part of the profiles that is needed.
-    cost : float
-        Nanoseconds per pixel of the whole map.
     """
 
     maps: tuple[GroupedMap, ...]
@@ -201,7 +195,6 @@ class GroupPlan(Plan):
     points: PointPlan | None
     window: RangeGate
     errors_db: Mapping[str, float]
-    cost: float
 
     method = 'groups'
 
@@ -246,7 +239,7 @@ def _counts(grid: MapGrid, sizes, n_echoes, n_lines, n_parts, segment: int, n_pl
     """(G, ...) operations of each group but for the profiles.
 
     `sizes` has ``n_alpha``, ``n_range`` and ``axis`` of the groups, `crossed` is as of
-    `crossed_lines`.
+    `_crossed`.
     """
     n_range, n_alpha, axis = (sizes[name] for name in ('n_range', 'n_alpha', 'axis'))
     lines = n_echoes * n_lines
@@ -258,17 +251,8 @@ def _counts(grid: MapGrid, sizes, n_echoes, n_lines, n_parts, segment: int, n_pl
             'grouped_tap': taps[1] * rows * n_range * crossed, 'group': np.ones(n_range.shape)}
 
 
-def crossed_lines(one: GroupedMap) -> np.ndarray:
-    """(G,) lines that the ranges of a vector start from, as rows of the map cross them."""
-    frames = Frames(np.stack([one.groups['x_m'], one.groups['y_m'],
-                              one.grid.z_m + one.groups['height_m']], axis=1),
-                    np.stack([one.groups['track_x'], one.groups['track_y']], axis=1),
-                    np.stack([-one.groups['track_y'], one.groups['track_x']], axis=1),
-                    one.groups['height_m'], one.groups['axis'])
-    return _crossed(places_of(one.grid, frames), one.lattice.spacing, one.groups['alpha_spacing'])
-
-
 def _crossed(places: Places, spacing, alpha_spacing) -> np.ndarray:
+    """(G,) lines that the ranges of a vector start from, as rows of the map cross them."""
     return 1 + 0.5 * VECTOR * np.abs(places.by_range).mean(axis=1) * spacing / alpha_spacing
 
 
@@ -313,18 +297,13 @@ class Echoes:
 
         Parts of such groups erred up to 12 dB more than predicted.
         """
-        places = np.rint(self.centres_m * (100.0 / self.radar.wavelength_m))
-        _, counts = np.unique(places, axis=0, return_counts=True)
+        places = np.rint(self.centres_m * (100.0 / self.radar.wavelength_m)).astype(np.int64)
+        _, counts = np.unique(places @ _HASH, return_counts=True)
         return counts[counts > _PASSES].sum() > _STILL * len(self)
 
     def edges(self, n_groups: int) -> np.ndarray:
         """(G + 1,) first echo of each group, and their number."""
         return np.arange(n_groups + 1) * len(self) // n_groups
-
-    def weights(self, grid: MapGrid) -> np.ndarray:
-        """(W, E) shares of the echoes in the power of an image, see `echo_powers`."""
-        sides = grid.spacing_m * np.array([[grid.n_x, 0, 0], [0, grid.n_y, 0]])
-        return echo_powers(self.paths[0], self.paths[-1], grid.centre_m, sides, self.radar)
 
     def lattice(self, pitch_m: float, slopes: tuple[float, float]) -> RangeResampling:
         """How lines read the profiles: ranges `pitch_m` apart or less.
@@ -361,6 +340,9 @@ class Echoes:
 class Survey:
     """Local frequencies of the images of groups on a map, and how finely these are sampled.
 
+    Arrays (G, M, ...) have a row of echoes for each group, as long as the largest is; smaller ones
+    repeat their last echo.
+
     Parameters
     ----------
     echoes : Echoes
@@ -370,10 +352,18 @@ class Survey:
     first, end : (G,) int64
         Echoes of each group.
     seek : bool
-        A few of them will do.
+        A few of them will do, and groups may not suit.
 
     Attributes
     ----------
+    counts : (G,) int64
+        Echoes of each group that are looked at.
+    centres : list of (G, M, 3) float64
+        Their phase centres, see `in_frames`.
+    row : (G, 1) int64
+        Numbers of the groups.
+    some : (G, Q) int64
+        Those of their echoes by which errors are predicted.
     fine : (G,) bool
         Groups whose frame suits the map.
     """
@@ -381,39 +371,46 @@ class Survey:
     def __init__(self, echoes: Echoes, grid: MapGrid, first, end, *, seek: bool = False):
         self.echoes, self.grid, self.n_echoes = echoes, grid, end - first
         if seek:
-            number = (first[:, None] + _evenly(end - first, _SEEK)).ravel()
-            self.starts = np.arange(len(first)) * (len(number) // len(first))
+            number = first[:, None] + _evenly(end - first, _SEEK)
+            self.counts = np.full(len(first), number.shape[1])
+            starts, number = np.arange(len(first)) * number.shape[1], number.ravel()
         else:
-            number, self.starts = slice(None), first
+            self.counts, starts, number = self.n_echoes, first, slice(None)
         centres_m = echoes.centres_m[number]
-        self.counts = np.diff(self.starts, append=len(centres_m))
-        self.frames = frames_of(grid, centres_m, self.starts)
-        self.centres = [in_frames(self.frames, p[number], self.starts) for p in echoes.paths]
+        self.frames = frames_of(grid, centres_m, starts, self.counts)
+        self.in_frames = [in_frames(self.frames, p[number], self.counts) for p in echoes.paths]
+        self.row = np.arange(len(first))[:, None]
+        column = np.minimum(np.arange(self.counts.max()), self.counts[:, None] - 1)
+        self.centres = [c[starts[:, None] + column] for c in self.in_frames]
         self.places = places_of(grid, self.frames, 3 if seek else 5)
-        self._order = 1 if seek else 4
         self.fine = self.places.seen.copy()
-        self.some = self.starts[:, None] + _evenly(
-            self.counts, max(_FEW, _SOME // len(first)))
-        weight = np.ones((1, len(centres_m))) if seek else echoes.weights(grid)
-        self._weight = weight[:, self.some]
-        with np.errstate(divide='ignore', invalid='ignore'):
-            self._sample()
+        self.some = _evenly(self.counts, max(_FEW, _SOME // len(first)))
+        sides_m = grid.spacing_m * np.array([[grid.n_x, 0, 0], [0, grid.n_y, 0]])
+        weight = np.ones((1, 1, 1)) if seek else echo_powers(
+            echoes.paths[0], echoes.paths[-1], grid.centre_m, sides_m, echoes.radar
+            )[:, starts[:, None] + self.some]
+        ends_halved = np.ones(self.some.shape[1])
+        ends_halved[[0, -1]] = 0.5
+        self._weight = weight * ends_halved * np.ones((len(first), 1))
+        side = LOBATTO[3 if seek else 5][1]
+        self._places_weight = np.multiply.outer(side, side).ravel()
+        self._sample(seek)
 
-    def _sample(self) -> None:
+    def _sample(self, seek: bool) -> None:
         """Spacings of ranges and directions, and the interpolators of both passes to the map."""
-        places, db, taps = self.places, self.echoes.pass_db, self.echoes.lengths.taps
-        k, carrier = self.echoes.wavenumbers, self.echoes.radar.wavenumber_rad_per_m
-        slopes = self.slopes = direction_slopes(places, self.centres, self.starts)
-        self.by_range = range_derivatives(places, self.centres, self.some, self._order)
-        few = self.few = slopes[self.some]
+        places, taps, k = self.places, self.echoes.lengths.taps, self.echoes.wavenumbers
+        carrier = self.echoes.radar.wavenumber_rad_per_m
+        self.slopes = direction_slopes(places, self.centres)
+        self.by_range = range_derivatives(places, self.of_echoes(self.some), 1 if seek else 4)
+        few = self.few = self.slopes[self.row, self.some]
         rows = self.rows = self.by_range[1] + few * places.by_range[:, None]
         self.fine &= self.by_range[1].min(axis=(1, 2)) > 0
-        if not self.fine.any():
+        if not (self.fine.any() if seek else self.fine.all()):
             raise _Unsuited
-        half = self._half = _SLACK * np.maximum(np.abs(few).max(axis=(1, 2)) * k[-1], 1e-9)
+        half = _SLACK * np.maximum(np.abs(few).max(axis=(1, 2)) * k[-1], 1e-9)
         half_range = _SLACK * _off_carrier(rows, k, carrier)
-        self.between = self.fitting(_times(k, few), half, db, taps)
-        self.along = self.fitting(_times(k, rows) - carrier, half_range, db, taps)
+        self.between, self.along = (self._fitting(*band) for band in (
+            (few, 0.0, half), (rows, carrier, half_range)))
         self.alpha_spacing = np.pi / (half * self.between.oversampling)
         self.pitch_m = _FINER * np.pi / (half_range * self.along.oversampling)
         for _ in range(3):  # rows are read nearer than their pixels, where directions change more
@@ -425,59 +422,47 @@ class Survey:
                 break
             self.pitch_m = np.minimum(self.pitch_m, 0.5 * (self.pitch_m + wanted))
 
-    def fitting(self, frequency, half, wanted_db: float, taps: int) -> Interpolator:
-        """Interpolator that reads frequencies (K, G, Q, S) up to `half`, (G,), well."""
-        even = frequency / (2 * half[:, None, None])
-        for found in sufficient_interpolators(wanted_db, taps=taps, degree=DEGREE):
+    def of_echoes(self, number) -> list[np.ndarray]:
+        """Phase centres (G, Q, 3) of echoes (G, Q) of the groups."""
+        return [c[self.row, number] for c in self.centres]
+
+    def _fitting(self, slopes, middle: float, half) -> Interpolator:
+        """Interpolator of a pass to the map, of slopes (G, Q, S) whose bands are (G,) `half`."""
+        wanted_db = self.echoes.pass_db
+        cycles = (np.multiply.outer(self.echoes.wavenumbers, slopes) - middle) / (
+            2 * half[:, None, None])
+        for found in sufficient_interpolators(wanted_db, taps=self.echoes.lengths.taps,
+                                              degree=DEGREE):
             # much of the power may lie where the band ends
-            if self.error_db(found, even / found.oversampling) <= wanted_db:
+            if self.error_db(found, cycles / found.oversampling) <= wanted_db:
                 return found
         raise _Unsuited
 
     def passes_db(self, alpha_spacing, spacing: float) -> tuple[float, float]:
         """Errors between lines and along them as they lie in the end, dB."""
         k, carrier = self.echoes.wavenumbers, self.echoes.radar.wavenumber_rad_per_m
-        return (self.error_db(self.between, _times(k, self.few) * (
-            alpha_spacing / (2 * np.pi))[:, None, None]),
-            self.error_db(self.along, (_times(k, self.rows) - carrier) * (spacing / (2 * np.pi))))
+        return (self.error_db(self.between, np.multiply.outer(
+            k, self.few * (alpha_spacing / (2 * np.pi))[:, None, None])),
+            self.error_db(self.along, (np.multiply.outer(k, self.rows) - carrier) * (
+                spacing / (2 * np.pi))))
 
     def error_db(self, interpolator: Interpolator, frequency) -> float:
         """Mean error of frequencies (K, G, Q, S), cycles per sample, of groups that suit, dB."""
-        error = interpolator.error_at(frequency[:, self.fine])
+        error = interpolator.error_at(frequency)
         weight = LOBATTO[len(error)][1]
-        return 10 * math.log10(self.mean(weight @ error.reshape(len(error), -1)) + 1e-16)
+        return 10 * math.log10(self.mean(np.tensordot(weight, error, 1)) + 1e-16)
 
     def mean(self, values) -> float:
-        """Mean of values of groups that suit, echoes that are looked at, and places."""
-        n = self.slopes.shape[1]
-        side = LOBATTO[math.isqrt(n)][1]
-        by_echo = values.reshape(-1, n) @ np.multiply.outer(side, side).ravel()
-        weight = (self._weight * _ends_halved(self.some.shape[1]))[:, self.fine].reshape(
-            len(self._weight), -1)
+        """Mean of values (G, Q, S) of groups that suit."""
+        by_echo = np.where(self.fine[:, None], values @ self._places_weight, 0.0).ravel()
+        weight = (self._weight * self.fine[:, None]).reshape(len(self._weight), -1)
         return float((weight @ by_echo / weight.sum(axis=1)).max())
-
-    def slope_bounds(self, groups) -> tuple[float, float]:
-        """Least and largest derivative of half paths by range, of some groups."""
-        slope = self.by_range[1][groups]
-        return float(slope.min()), float(slope.max())
-
-
-@functools.cache
-def _ends_halved(n: int) -> np.ndarray:
-    """(n,) weights of the trapezoidal rule, of sum 1."""
-    weight = np.ones(n)
-    weight[[0, -1]] = 0.5
-    return weight / weight.sum()
-
-
-def _times(k, slope) -> np.ndarray:
-    return np.multiply.outer(k, slope)
 
 
 def _off_carrier(slope, k, carrier) -> np.ndarray:
     """(G,) largest frequency of slopes (G, Q, S) by range, less that of the carrier."""
-    ends = np.stack([slope.min(axis=(1, 2)), slope.max(axis=(1, 2))])
-    return np.abs(np.multiply.outer(k[[0, -1]], ends) - carrier).max(axis=(0, 1))
+    return np.maximum(k[-1] * slope.max(axis=(1, 2)) - carrier,
+                      carrier - k[0] * slope.min(axis=(1, 2)))
 
 
 def _evenly(counts, n: int) -> np.ndarray:
@@ -502,37 +487,44 @@ class Grids:
         First range, metres, and first direction.
     alpha_spacing, n_alpha, n_range, extent : (G,)
         Of the lines; `extent` from the first to the last.
+    bent : (G,) bool
+        Groups with echoes so far ahead that the continuation beside the map matters.
+    room : (G,) float64
+        How far beside the map lines of bent groups are read; without end of others. There s is as
+        far below zero as the continuation begins above it. Further out it grows steeply: of a
+        platform that stands still few lines would do for the map, and those beside it erred 10 dB
+        more than predicted.
     """
 
     def __init__(self, survey: Survey, spacing):
         self._survey, self.spacing, taps = survey, spacing, survey.echoes.lengths.taps
-        edge = margin(taps)
+        edge, top = margin(taps), survey.echoes.wavenumbers[-1]
         self.extents: Extents = extents_of(survey.grid, survey.frames, edge * spacing)
-        self.least = _BEGIN * self.extents.least
+        self.least, ends, ranges = _BEGIN * self.extents.least, *self.extents[1::-1]
+        self.bent = top * np.max([np.abs(c[..., 1]).max(axis=1) for c in survey.centres],
+                                 axis=0) > 1.0
         survey.fine &= self.extents.reached & (self.extents.least > SEEN)
         # some of those high above the map erred up to 17 dB more than predicted
-        survey.fine &= ~(self._bent() & (np.abs(survey.frames.height_m)
-                                         > _STEEP * self.extents.range_m[:, 0]))
-        ends, ranges = self.extents.alpha, self.extents.range_m
-        self.room = self._room()
-        spacing_alpha = np.minimum(survey.alpha_spacing, np.maximum(np.ptp(ends, axis=1), 1e-6))
-        spacing_alpha = np.minimum(spacing_alpha, self.room / edge)
+        survey.fine &= ~(self.bent & (np.abs(survey.frames.height_m) > _STEEP * ranges[:, 0]))
+        height = survey.frames.height_m[:, None] / self.extents.corner_m
+        far = np.sqrt(np.maximum(1 - height ** 2 + self.least[:, None] ** 2, 0.0))
+        self.room = np.where(self.bent, np.maximum((far - np.abs(ends)).min(axis=1), 1e-6), np.inf)
+        wide = np.ptp(ends, axis=1)
+        alpha_spacing = np.minimum(np.minimum(survey.alpha_spacing, np.maximum(wide, 1e-6)),
+                                   self.room / edge)
+        resolved = np.pi / (survey.alpha_spacing * survey.between.oversampling)
         for _ in range(3):  # lines beside the map are read, too, where frequencies are higher
-            there = self.beside(_NEARER * taps * spacing_alpha, self.extents.corner_m)
-            top = np.maximum.reduceat(np.abs(there).max(axis=1), survey.starts)
-            wanted = np.pi / (np.maximum(_SLACK * top * survey.echoes.wavenumbers[-1],
-                                         np.pi / (survey.alpha_spacing
-                                                  * survey.between.oversampling))
+            there = np.abs(self.beside(_NEARER * taps * alpha_spacing[:, None])).max(axis=(1, 2))
+            wanted = np.pi / (np.maximum(_SLACK * top * there, resolved)
                               * survey.between.oversampling)
-            if (spacing_alpha <= _SLACK * wanted)[survey.fine].all():
+            if (alpha_spacing <= _SLACK * wanted)[survey.fine].all():
                 break
-            spacing_alpha = np.clip(wanted, 0.5 * spacing_alpha, spacing_alpha)
-        self.alpha_spacing = spacing_alpha
-        self.n_alpha = _whole(np.ptp(ends, axis=1) / spacing_alpha, 2 * edge + 1, QUAD)
+            alpha_spacing = np.clip(wanted, 0.5 * alpha_spacing, alpha_spacing)
+        self.alpha_spacing = alpha_spacing
+        self.n_alpha = _whole(wide / alpha_spacing, 2 * edge + 1, QUAD)
         self.n_range = _whole(np.ptp(ranges, axis=1) / spacing, 2 * edge + 1, VECTOR)
-        self.alpha, self.range_m = (ends[:, 0] - edge * spacing_alpha,
-                                    ranges[:, 0] - edge * spacing)
-        self.extent = (self.n_alpha - 1) * spacing_alpha
+        self.alpha, self.range_m = ends[:, 0] - edge * alpha_spacing, ranges[:, 0] - edge * spacing
+        self.extent = (self.n_alpha - 1) * alpha_spacing
         survey.fine &= self.range_m > _LEAST_RANGE * ranges[:, 0]
 
     @property
@@ -545,38 +537,20 @@ class Grids:
         """
         fall = 2 * self._survey.frames.height_m ** 2 / self.range_m ** 3
         longest = _CHANGE * self.least ** 2 / np.maximum(fall, 1e-12)
-        return float(np.where(self._bent(), longest, np.inf).min())
+        return float(np.where(self.bent, longest, np.inf).min())
 
-    def _bent(self) -> np.ndarray:
-        """(G,) groups with echoes so far ahead that the continuation beside the map matters."""
-        survey = self._survey
-        ahead_m = np.max([np.abs(c[:, 1]) for c in survey.centres], axis=0)
-        bend_m = np.maximum.reduceat(ahead_m, survey.starts)
-        return bend_m * survey.echoes.wavenumbers[-1] > 1.0
-
-    def _room(self) -> np.ndarray:
-        """(G,) how far beside the map lines of bent groups are read; without end of others.
-
-        There s is as far below zero as the continuation begins above it. Further out it grows
-        steeply: of a platform that stands still few lines would do for the map, and those beside
-        it erred 10 dB more than predicted.
-        """
-        height = self._survey.frames.height_m[:, None] / self.extents.corner_m
-        far = np.sqrt(np.maximum(1 - height ** 2 + self.least[:, None] ** 2, 0.0))
-        room = (far - np.abs(self.extents.alpha)).min(axis=1)
-        return np.where(self._bent(), np.maximum(room, 1e-6), np.inf)
-
-    def beside(self, away, corner_m) -> np.ndarray:
-        """(E, 2) slopes by direction so far, (G,), beside the map on either side."""
-        ends = self.extents.alpha + away[:, None] * np.array([-1.0, 1.0])
-        survey = self._survey
-        return slopes_beyond(np.stack([corner_m, ends], axis=-1), survey.centres, survey.counts,
-                             survey.frames, self.least)
+    def beside(self, away) -> np.ndarray:
+        """(G, M, 2 N) slopes by direction so far, (G, N), beside the map on either side."""
+        ends = (self.extents.alpha[:, :, None] + np.array([[-1.0], [1.0]]) * away[:, None])
+        corner_m = np.broadcast_to(self.extents.corner_m[:, :, None], ends.shape)
+        shape = len(ends), -1
+        return slopes_beyond(corner_m.reshape(shape), ends.reshape(shape), self._survey.centres,
+                             self._survey.frames, self.least)
 
 
 def _whole(sizes, more: int, step: int) -> np.ndarray:
     """(G,) int64 multiples of a step that hold sizes (G,) and more."""
-    sizes = np.ceil(np.nan_to_num(np.minimum(sizes, 1e9), nan=1e9)).astype(np.int64) + more
+    sizes = np.ceil(np.where(sizes < 1e9, sizes, 1e9)).astype(np.int64) + more  # of NaN, too
     return -(-sizes // step) * step
 
 
@@ -587,59 +561,58 @@ class Bands:
     ----------
     survey, grids : Survey, Grids
         The groups and their grids.
-    starts : (P,) int64
+    starts : (G, P) int64
         First of the looked-at echoes of each part.
-    of_group : (G,) int64
-        First part of each group.
-    wider : (G,) float64
-        By how much parts are wider than the echoes that are looked at tell, radians per unit of
-        alpha.
+
+    Attributes
+    ----------
+    middle : (G, P) float64
+        Middle of each band, radians per unit of alpha.
+    half : (G,) float64
+        Half of the widest.
     """
 
-    def __init__(self, survey: Survey, grids: Grids, starts, of_group, wider):
-        self._survey, self._grids, self._starts = survey, grids, starts
-        self._of_group, self._wider = of_group, wider
-        self.low, self.high = _band(survey.slopes, survey.echoes.wavenumbers)
-        low, high = self._ends(self.low, self.high)
-        self.middle = 0.5 * (low + high)
-        self.half = self._widest(low, high)
+    def __init__(self, survey: Survey, grids: Grids, starts):
+        self._survey, self._grids, self._shape = survey, grids, starts.shape
+        self._first = (starts + np.arange(len(starts))[:, None] * survey.slopes.shape[1]).ravel()
+        self._low, self._high = self._of_parts(survey.slopes)
+        low, high = self._frequencies(self._low, self._high)
+        self.middle, self.half = 0.5 * (low + high), (0.5 * (high - low)).max(axis=1)
 
-    def _ends(self, low, high):
-        return (np.minimum.reduceat(low, self._starts), np.maximum.reduceat(high, self._starts))
+    def _of_parts(self, slopes) -> list[np.ndarray]:
+        """(G, P) least and largest of slopes (G, M, N) of the echoes of parts."""
+        return [bound.reduceat(bound.reduce(slopes, axis=2).ravel(), self._first
+                               ).reshape(self._shape) for bound in (np.minimum, np.maximum)]
 
-    def _widest(self, low, high) -> np.ndarray:
-        return _SLACK * (np.maximum.reduceat(0.5 * (high - low), self._of_group) + self._wider)
+    def _frequencies(self, low, high) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest frequency over the band of slopes between two."""
+        k = self._survey.echoes.wavenumbers
+        return np.minimum(k[0] * low, k[-1] * low), np.maximum(k[0] * high, k[-1] * high)
 
-    def beyond(self, oversampling: float) -> np.ndarray:
+    def beyond(self, oversampling: float, wider=0.0) -> np.ndarray:
         """(G,) half bands that hold what lines beside the map read, too.
 
         These lie the further off the coarser they are. Groups for which that does not end suit no
-        more.
+        more. Parts may be `wider`, (G,), than the echoes that are looked at tell, radians per unit
+        of alpha.
         """
         survey, grids = self._survey, self._grids
         reach = 0.5 * survey.echoes.lengths.part_taps * np.pi / oversampling
         beside = _NEARER * survey.echoes.lengths.taps * grids.alpha_spacing
-        half = np.maximum(np.maximum(self.half, reach / grids.room), 1e-9)
+        half = np.maximum(np.maximum(_SLACK * (self.half + wider), reach / grids.room), 1e-9)
         for _ in range(6):
             # the outer lines of groups are read, too, and these read further ones
             away = beside + reach / half
-            there = np.concatenate([grids.beside(share * away, grids.extents.corner_m)
-                                    for share in (0.5, 1.0)], axis=1)
-            low, high = _band(there, survey.echoes.wavenumbers)
-            reached = self._widest(*self._ends(np.minimum(low, self.low),
-                                               np.maximum(high, self.high)))
+            low, high = self._of_parts(grids.beside(np.multiply.outer(away, (0.5, 1.0))))
+            low, high = self._frequencies(np.minimum(low, self._low),
+                                          np.maximum(high, self._high))
+            reached = _SLACK * ((0.5 * (high - low)).max(axis=1) + wider)
             more = reached > 1.02 * half
             if not more[survey.fine].any():
                 break
             half = np.where(more, np.sqrt(half * np.minimum(reached, 16 * half)), half)
         survey.fine &= reached <= 1.1 * half
         return half
-
-
-def _band(slopes, k) -> tuple[np.ndarray, np.ndarray]:
-    """(E,) least and largest frequency of slopes (E, S)."""
-    low, high = slopes.min(axis=1), slopes.max(axis=1)
-    return np.minimum(k[0] * low, k[-1] * low), np.maximum(k[0] * high, k[-1] * high)
 
 
 def _seek(echoes: Echoes, grid: MapGrid) -> Iterator[tuple[int, int]]:
@@ -650,7 +623,8 @@ def _seek(echoes: Echoes, grid: MapGrid) -> Iterator[tuple[int, int]]:
     found: list[tuple[float, int, int]] = []
     for some in (counts[:5], counts[5:]):  # more groups only where the most of few are best
         if some and (not found or min(found)[1] == counts[4]):
-            found += _costs_of(echoes, grid, some)
+            with contextlib.suppress(_Unsuited), np.errstate(divide='ignore', invalid='ignore'):
+                found += _costs_of(echoes, grid, np.array(some))
     for _, n_groups, n_parts in sorted(found):
         yield n_groups, n_parts
 
@@ -661,46 +635,26 @@ def _costs_of(echoes: Echoes, grid: MapGrid, counts) -> list[tuple[float, int, i
     first, end = (np.concatenate([e[cut] for e in edges])
                   for cut in (slice(None, -1), slice(1, None)))
     count_of = np.cumsum([0, *counts[:-1]])  # first group of each count
-    try:
-        survey = Survey(echoes, grid, first, end, seek=True)
-    except _Unsuited:
-        return []
-    with np.errstate(divide='ignore', invalid='ignore'):
-        return _priced(survey, np.array(counts), count_of)
-
-
-def _priced(survey: Survey, counts, count_of) -> list[tuple[float, int, int]]:
-    echoes, k = survey.echoes, survey.echoes.wavenumbers
-    grids = Grids(survey, np.repeat(np.minimum.reduceat(survey.pitch_m, count_of), counts))
+    survey = Survey(echoes, grid, first, end, seek=True)
+    spacing, k = np.minimum.reduceat(survey.pitch_m, count_of), echoes.wavenumbers
+    grids = Grids(survey, np.repeat(spacing, counts))
     least = least_oversampling(echoes.parts_db, echoes.lengths.part_taps, DEGREE) * _COARSER
-    low, high = _band(survey.slopes, k)
-    spread = np.maximum.reduceat(0.5 * (high - low), survey.starts)
-    varied = k[-1] * (np.maximum.reduceat(survey.slopes, survey.starts)
-                      - np.minimum.reduceat(survey.slopes, survey.starts)).max(axis=1)
-    n_parts = _numbers(int(survey.n_echoes.max()) // _LEAST_ECHOES)
-    half = _SLACK * (spread[:, None] + 0.5 * varied[:, None] / n_parts)
+    bands = Bands(survey, grids, np.tile(np.arange(survey.slopes.shape[1]), (len(first), 1)))
+    varied = 0.5 * k[-1] * np.ptp(survey.slopes, axis=1).max(axis=1)
+    n_parts = _PARTS[_PARTS <= max(int(survey.n_echoes.max()) // _LEAST_ECHOES, 1)]
+    half = _SLACK * (bands.half[:, None] + varied[:, None] / n_parts)
     n_lines = _lines(grids.extent[:, None], half * least, echoes.lengths.part_taps)
     cost = _group_cost(survey, grids, n_lines, n_parts)
     cost[(n_parts > 1) & (n_parts * _LEAST_ECHOES > survey.n_echoes[:, None])] = np.inf
     chosen = np.add.reduceat(cost, count_of).argmin(axis=1)
     parts = np.repeat(n_parts[chosen], counts)
-    all_starts = np.arange(len(survey.slopes))
-    bands = Bands(survey, grids, all_starts, survey.starts, 0.5 * varied / parts)
-    n_lines = _lines(grids.extent, bands.beyond(least) * least, echoes.lengths.part_taps)
+    n_lines = _lines(grids.extent, bands.beyond(least, varied / parts) * least,
+                     echoes.lengths.part_taps)
     cost = _group_cost(survey, grids, n_lines[:, None], parts[:, None])[:, 0]
-    spacing = np.minimum.reduceat(survey.pitch_m, count_of)
     total = np.add.reduceat(cost, count_of) + _profile_cost(echoes, spacing)
     fine = np.logical_and.reduceat(survey.fine, count_of)
     return [(float(t), int(n), int(p)) for t, n, p, ok in zip(
         total, counts, n_parts[chosen], fine, strict=True) if ok]
-
-
-def _numbers(most: int) -> np.ndarray:
-    """Numbers of parts to choose from, 1 to at most `most`."""
-    found = [1]
-    while found[-1] < most:
-        found.append(math.ceil(1.35 * found[-1]))
-    return np.array([n for n in found if n <= max(most, 1)])
 
 
 def _lines(extent, samples, taps: int):
@@ -764,9 +718,7 @@ def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_
     n_pixels = math.prod(grid.shape)
     shares = [(one.errors_db, math.prod(one.grid.shape) / n_pixels) for one in maps]
     shares += [(points.errors_db, math.prod(part.shape) / n_pixels) for _, part in rest]
-    cost = sum(one.cost for one in maps) + sum(_point_cost(echoes, part) for _, part in rest)
-    return GroupPlan(tuple(maps), tuple(rest), points, window, _mean_errors(shares),
-                     cost / n_pixels)
+    return GroupPlan(tuple(maps), tuple(rest), points, window, _mean_errors(shares))
 
 
 def _mean_errors(shares) -> dict[str, float]:
@@ -828,17 +780,17 @@ def _planned(echoes: Echoes, grid: MapGrid, corner, n_groups: int, n_parts: int)
     """So many groups of so many parts; _Unsuited where they do not suit or miss the target."""
     edges = echoes.edges(n_groups)
     survey = Survey(echoes, grid, edges[:-1], edges[1:])
-    slopes = survey.slope_bounds(slice(None))
-    lattice = echoes.lattice(survey.pitch_m.min(), slopes)
+    slope = survey.by_range[1]
+    lattice = echoes.lattice(survey.pitch_m.min(), (float(slope.min()), float(slope.max())))
     grids = Grids(survey, np.full(n_groups, lattice.spacing))
-    counts = survey.counts[:, None]
-    starts = survey.starts[:, None] + np.arange(n_parts) * counts // n_parts
-    bands = Bands(survey, grids, starts.ravel(), np.arange(n_groups) * n_parts, 0.0)
     if not survey.fine.all():
         raise _Unsuited
+    counts = survey.counts[:, None]
+    starts = np.arange(n_parts) * counts // n_parts
+    bands = Bands(survey, grids, starts)
     part = (starts[:, None] <= survey.some[..., None]).sum(axis=-1) - 1
-    parts, half, parts_db = _between_parts(survey, bands, starts, part)
-    length = survey.by_range[0].reshape(-1, survey.slopes.shape[1])
+    parts, half, parts_db = _between_parts(survey, bands, part)
+    length = survey.by_range[0].reshape(-1, survey.slopes.shape[2])
     ends_db = echoes.window.mean_end_error_db(
         length, oversampling=lattice.oversampling(echoes.radar))
     # profiles that end too near spoil all routes alike
@@ -848,29 +800,35 @@ def _planned(echoes: Echoes, grid: MapGrid, corner, n_groups: int, n_parts: int)
                                            *known) / 10)
     lattice, expanded = _expanded(survey, grids, lattice, starts, part, left)
     profile = survey.mean(lattice.interpolator.error_with_drift(
-        np.abs(survey.by_range[1] * lattice.spacing - lattice.cell_m)
+        np.abs(slope * lattice.spacing - lattice.cell_m)
         * (0.5 * lattice.segment / lattice.step_m)))
     errors = {
         'range profiles': 10 * math.log10(profile + expanded),
         'polar to map': 10 * math.log10(sum(10 ** (db / 10) for db in passes_db)),
         'azimuth upsampling': parts_db,
         'ends of profiles': ends_db}
-    groups = _records(survey, grids, half, parts)
-    slack = 2 * margin(echoes.lengths.taps) * lattice.spacing + 0.1 * float(np.ptp(length))
-    centres = survey.centres
-    made = GroupedMap(grid, corner, groups, bands.middle.reshape(n_groups, n_parts), centres[0],
-                      centres[-1], lattice, (float(length.min()) - slack,
-                                             float(length.max()) + slack),
-                      survey.between, survey.along, parts, errors, 0.0)
-    return dataclasses.replace(made, cost=costs().nanoseconds(made.operations))
+    groups = _records(survey, grids, edges, half, parts)
+    crossed = _crossed(survey.places, lattice.spacing, grids.alpha_spacing)
+    operations = {name: float(n.sum()) for name, n in _counts(
+        grid, groups, survey.n_echoes, groups['n_coarse'], n_parts, lattice.segment,
+        lattice.interpolator.n_planes, (parts.n_taps, survey.along.n_taps), crossed).items()}
+    operations |= {'profile_bin': len(echoes) * lattice.n_padded,
+                   'profile_cell': len(echoes) * lattice.n_cells * lattice.n_phases}
+    nearest, furthest = float(length.min()), float(length.max())
+    slack = 2 * margin(echoes.lengths.taps) * lattice.spacing + 0.1 * (furthest - nearest)
+    return GroupedMap(grid, corner, groups, bands.middle, survey.in_frames[0],
+                      survey.in_frames[-1], lattice, (nearest - slack, furthest + slack),
+                      survey.between, survey.along, parts, errors, operations)
 
 
-def _between_parts(survey: Survey, bands: Bands, starts, part
-                   ) -> tuple[Interpolator, np.ndarray, float]:
-    """Interpolator between the lines of parts, half bands that it is for, (G,), and its error."""
+def _between_parts(survey: Survey, bands: Bands, part) -> tuple[Interpolator, np.ndarray, float]:
+    """Interpolator between the lines of parts, half bands that it is for, (G,), and its error.
+
+    `part`, (G, Q), are those of the looked-at echoes.
+    """
     echoes = survey.echoes
-    middle = np.take_along_axis(bands.middle.reshape(starts.shape), part, axis=1)
-    frequency = _times(echoes.wavenumbers, survey.few) - middle[..., None]
+    middle = bands.middle[survey.row, part]
+    frequency = np.multiply.outer(echoes.wavenumbers, survey.few) - middle[..., None]
     for found in sufficient_interpolators(echoes.parts_db, taps=echoes.lengths.part_taps,
                                           degree=DEGREE):
         half = bands.beyond(found.oversampling)
@@ -890,17 +848,16 @@ def _expanded(survey: Survey, grids: Grids, lattice: RangeResampling, starts, pa
     Mean squares of what the cubics along segments leave out, see `profiles`, at the ends of parts
     and at the echoes that are looked at: those of a perturbed track lie off the line between ends.
     """
-    after = np.concatenate([starts[:, 1:], (survey.starts + survey.counts)[:, None]], axis=1)
+    after = np.concatenate([starts[:, 1:], survey.counts[:, None]], axis=1)
     n_parts = starts.shape[1]
-    found = range_derivatives(survey.places, survey.centres, np.concatenate(
-        [starts, after - 1, (starts + after) // 2], axis=1), 3)
+    found = range_derivatives(survey.places, survey.of_echoes(np.concatenate(
+        [starts, after - 1, (starts + after) // 2], axis=1)), 3)
     k, radar = survey.echoes.radar.wavenumber_rad_per_m, survey.echoes.radar
     at_ends, at_some = [], []
     for n in (1, 2, 3):
         shared, scale = found[n][:, 2 * n_parts:], k / math.factorial(n)
         at_ends.append(scale * (found[n][:, :2 * n_parts] - np.concatenate([shared] * 2, axis=1)))
-        at_some.append(scale * (survey.by_range[n]
-                                - np.take_along_axis(shared, part[..., None], axis=1)))
+        at_some.append(scale * (survey.by_range[n] - shared[survey.row, part]))
     quartic, quintic = np.maximum(_left_out(*at_ends) / 3,  # nothing in the middle: Simpson
                                   _left_out(*at_some))
     envelope = radar.half_band_rad_per_m ** 2 / 756 * survey.mean(survey.by_range[3] ** 2), 6
@@ -932,10 +889,10 @@ def _left_out(a, b, c) -> np.ndarray:
     return np.array([(error @ places).mean(axis=1).max() for error in (quartic, quintic)])
 
 
-def _records(survey: Survey, grids: Grids, half, parts: Interpolator) -> np.ndarray:
+def _records(survey: Survey, grids: Grids, edges, half, parts: Interpolator) -> np.ndarray:
     """(G,) GROUP as kernels take them."""
     frames, found = survey.frames, np.zeros(len(survey.counts), GROUP)
-    found['first'], found['end'] = survey.starts, survey.starts + survey.counts
+    found['first'], found['end'] = edges[:-1], edges[1:]
     found['axis'], found['height_m'] = frames.axis, frames.height_m
     found['x_m'], found['y_m'] = frames.origin_m[:, 0], frames.origin_m[:, 1]
     found['track_x'], found['track_y'] = frames.track.T
