@@ -141,7 +141,9 @@ def places_of(grid: MapGrid, frames: Frames, n: int = 5) -> Places:
     seen = ((forward > SEEN * r) & (np.abs(ahead) > SEEN * r)).all(axis=1)
     seen &= (ahead > 0).all(axis=1) | (ahead < 0).all(axis=1)
     along = _along(frames)[0][:, None]
-    return Places(r, alpha, forward, (along * r / ahead - alpha) / r, ahead, beside, seen)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        by_range = (along * r / ahead - alpha) / r
+    return Places(r, alpha, forward, by_range, ahead, beside, seen)
 
 
 def _along(frames: Frames) -> tuple[np.ndarray, np.ndarray]:
