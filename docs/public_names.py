@@ -43,6 +43,8 @@ MODULES = {
     'sar_imaging.diagnosis.signals': (
         'CERTAIN', 'LIKELY', 'ONE_OF_SEVERAL', 'Finding', 'channel_findings', 'coupling_findings',
         'sample_findings', 'slope_findings', 'timing_findings'),
+    'sar_imaging.exploitation.registration': (
+        'Candidate', 'LookDirection', 'Registration', 'measured_resolution_m', 'register'),
     'sar_imaging.geometry.alignment': ('Alignment',),
     'sar_imaging.geometry.antenna': ('Antenna', 'Mount'),
     'sar_imaging.geometry.illumination': (
