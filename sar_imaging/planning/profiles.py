@@ -335,6 +335,7 @@ _MAX_PHASES = 8
 _ECHOES_FOR_ERRORS = 256  # enough for averages, to which few echoes add most
 DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
 MOST_DRIFT = 2.0  # lattice steps
+_COARSEST = 1.25  # oversampling of a lattice, below which none is looked at
 _CLOSER_DB = 10.0  # by which the worst drift may be worse than the mean one
 _LONGER, _FINER, _FEW = 1.1, 1.03, 3  # padded length, cells, and cells around the best
 _COST_TRANSFORM = 0.012  # of a pass of the transform, in shares of the whole
@@ -397,9 +398,19 @@ class RangeResampling:
         return {name: n_echoes * n for name, n in counts.items()}
 
 
-def least_cost() -> float:
-    """Nanoseconds per pixel and echo that no lines are below."""
-    return costs().line_pixel + costs().line_segment / _SEGMENTS[0]
+def least_cost(slopes: tuple[float, float], radar: RadarParameters) -> float:
+    """Nanoseconds per pixel and echo that no lines are below.
+
+    Half paths grow by `slopes`, least to largest, from pixel to pixel, metres: whatever the
+    lattice, pixels of some echoes drift by half of the difference, and it is finer than for
+    `_COARSEST`.
+    """
+    low, high = slopes
+    if low <= 0:
+        return math.inf
+    longest = 4 * MOST_DRIFT * radar.range_resolution_m / (_COARSEST * max(high - low, 1e-12))
+    segment = next((s for s in _SEGMENTS if s <= longest), 0)
+    return costs().line_pixel + costs().line_segment / segment if segment else math.inf
 
 
 def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParameters,
@@ -448,7 +459,7 @@ def _fitted(lattice, slope, errors, radar, target_db) -> RangeResampling | None:
     """A lattice with the interpolator that it needs; None where the target is missed."""
     drift, oversampling = _drift(lattice, slope), lattice.oversampling(radar)
     furthest = float(drift.max())
-    if oversampling <= 1.25 or furthest > MOST_DRIFT:
+    if oversampling <= _COARSEST or furthest > MOST_DRIFT:
         return None
     lattice = dataclasses.replace(lattice, interpolator=design_interpolator(
         oversampling, max(furthest, LEAST_MARGIN), degree=LINE_DEGREE))

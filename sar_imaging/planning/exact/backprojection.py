@@ -71,6 +71,8 @@ class GridLines:
         Number of layers of the grid, in such a layer.
     range_m : (float, float)
         Bounds of the half paths to all pixels, metres.
+    slopes : (float, float)
+        Bounds of their derivative by the pixel number along a line, metres.
     """
 
     def __init__(self, grid: EvenGrid, tx_m, rx_m, illumination: Illumination | None = None):
@@ -90,7 +92,8 @@ class GridLines:
         least = {a: np.abs(s).min() if s.min() > 0 or s.max() < 0 else -1.0
                  for a, s in slopes.items()}
         axis = max(reversed(axes), key=least.get)  # the last one, where they are alike
-        forward = bool(slopes[axis].mean() >= 0)
+        forward, ends = bool(slopes[axis].mean() >= 0), (slopes[axis].min(), slopes[axis].max())
+        self.slopes = tuple(map(float, ends if forward else (-ends[1], -ends[0])))
         self.n_pixels = shape[axis]
         self._points = points
         may = illumination and illumination.may_light(points, (n,) * n_axes)
@@ -275,7 +278,8 @@ def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, 
     check_reach(lines.range_m, radar, n_samples)
     where = radar, n_samples, tx_m, rx_m
     # The least cost of each route tells which is worth a plan; illumination makes lines cheaper.
-    least = 0.0 if illumination is not None else least_cost() * len(tx_m)
+    least = (0.0 if illumination is not None
+             else least_cost(lines.slopes, radar) * len(tx_m))
     routes = [(least, lambda: _plan_lines(lines, *where, len(grid.shape), target_db,
                                           illumination))]
     if groups:
