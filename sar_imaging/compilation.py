@@ -13,9 +13,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
-
-import numba
-from numba.core import codegen, compiler, config, cpu, event
+from types import SimpleNamespace
 
 _OLDEST_NUMBA = (0, 58)
 
@@ -35,7 +33,40 @@ def check_version(version: str) -> None:
             name='numba')
 
 
-check_version(numba.__version__)
+class MissingNumbaError(ImportError):
+    """Numba is missing, or does not work here."""
+
+
+def require_numba(what: str) -> None:
+    """Raise a `MissingNumbaError` that says what needs Numba, unless it works."""
+    if MISSING:
+        raise MissingNumbaError(f'{what} needs Numba: {MISSING}')
+
+
+def _refusing(**_):
+    """What stands for `numba.njit`: functions that ask for Numba when they are called."""
+    return lambda function: lambda *_, **__: require_numba(function.__module__)
+
+
+#: Why nothing is compiled, in a sentence; empty where Numba works.
+MISSING = ''
+try:
+    import numba
+    from numba.core import codegen, compiler, config, cpu, event
+
+    check_version(numba.__version__)
+except ImportError as error:
+    MISSING = f'{error}; one command installs it, see docs/install.md'
+    numba = SimpleNamespace(njit=_refusing, cfunc=_refusing, prange=range,
+                            get_num_threads=lambda: 1, set_num_threads=lambda n: None,
+                            threading_layer=lambda: 'workqueue')
+    codegen, compiler, cpu = (SimpleNamespace(**{name: object}) for name in (
+        'JITCodeLibrary', 'Compiler', 'CPUContext'))
+    event = SimpleNamespace(Listener=object, Event=object, install_listener=lambda kind, listener:
+                            contextlib.nullcontext(listener))
+#: What computes images then, and how fast.
+SLOWLY = MISSING and ('without Numba images are formed by NumPy, about a thousand times slower: '
+                      f'{MISSING}')
 
 
 @contextlib.contextmanager

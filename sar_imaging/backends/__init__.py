@@ -9,7 +9,9 @@ formulas themselves: slow, and what every other backend is tested against and wr
 
 from __future__ import annotations
 
+import functools
 import importlib
+import logging
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -25,6 +27,7 @@ __all__ = ['AUTO', 'BACKENDS', 'CUDA', 'DeviceError', 'backend', 'compile_before
 
 AUTO, CUDA = 'auto', 'cuda'
 BACKENDS = ('cpu', CUDA, 'reference')
+_logger = logging.getLogger(__name__)
 _ENTRIES = ('Backprojection', 'SubapertureImager', 'SpectrumFusion', 'form_map')
 
 
@@ -35,7 +38,8 @@ def backend(name: str | Backend = AUTO, plan: Plan | None = None) -> Backend:
     ----------
     name : str or Backend
         One of `BACKENDS`, or anything that has the four entries. 'auto' is the processor's, and
-        where there is a CUDA device whichever of the two is quicker, plan by plan.
+        where there is a CUDA device whichever of the two is quicker, plan by plan. Where Numba is
+        missing, it is the reference, after a warning in the log.
     plan : Plan, optional
         What is to be computed, where several entries share the work.
 
@@ -49,6 +53,8 @@ def backend(name: str | Backend = AUTO, plan: Plan | None = None) -> Backend:
         There is no such backend, or it lacks an entry.
     DeviceError
         'cuda' was asked for, and there is no device that works.
+    ImportError
+        'cpu' was asked for, and Numba is missing.
 
     Examples
     --------
@@ -66,12 +72,28 @@ def backend(name: str | Backend = AUTO, plan: Plan | None = None) -> Backend:
         name = 'cpu' if device_backend() is None else 'automatic'
         if plan is not None and name == 'automatic':
             return importlib.import_module('.automatic', __name__).quicker(plan)
+        if name == 'cpu' and not _compiles():
+            name = 'reference'
+    if name == 'cpu':
+        from ..compilation import require_numba
+
+        require_numba("backend='cpu'")
     if isinstance(name, str) and name in ('automatic', *BACKENDS):
         return importlib.import_module(f'.{name}', __name__)
     if missing := [e for e in _ENTRIES if not callable(getattr(name, e, None))]:
         raise ValueError(f'backend={name!r}; expected {", ".join((AUTO, *BACKENDS))}, or an '
                          f'object that has {", ".join(missing)}, too')
     return name
+
+
+@functools.cache
+def _compiles() -> bool:
+    """Whether Numba works, which whoever will compute loads; a warning where it does not."""
+    from ..compilation import SLOWLY
+
+    if SLOWLY:
+        _logger.warning(SLOWLY)
+    return not SLOWLY
 
 
 def optional_entry(name: str | Backend, entry: str) -> Callable:
@@ -147,4 +169,4 @@ def compile_beforehand(*entries: str, name: str | Backend = AUTO) -> None:
 
 
 # Plans are made for the processor, wherever they are computed.
-tell_costs(lambda: backend('cpu').measured_costs())
+tell_costs(lambda: importlib.import_module('.cpu', __name__).measured_costs())

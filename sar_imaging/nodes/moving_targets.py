@@ -16,6 +16,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from msg_conversions.images import complex_to_message, map_metadata_to_message
 from msg_conversions.point_cloud import FIELDS, to_message
 from sar_imaging.backends import compile_beforehand
+from sar_imaging.compilation import require_numba
 from sar_imaging.exploitation.movers.moving_targets import (
     LiveMovingTargets,
     MovingTargetFinder,
@@ -82,6 +83,7 @@ class MovingTargetsStep(LiveStep):
             finder, pulses_per_aperture=parameters['pulses_per_aperture'])
         self._datum = DatumInput(parameters, health)
         self._latest: tuple[int, np.ndarray] | None = None  # time and points
+        require_numba('a search for moving targets')
         compile_beforehand('Backprojection')  # the first search must not wait for it
 
     def create_outputs(self, node: ManagedNode) -> None:

@@ -28,7 +28,7 @@ import math
 import numpy as np
 from scipy import fft
 
-from ..compilation import njit, numba
+from ..compilation import MISSING, njit, numba
 from ..device_arrays import beside, contiguous, on_device, zeros_beside
 from .calibration import ChannelCalibration
 from .dechirp import check_fmcw
@@ -193,7 +193,7 @@ class PhaseHistoryPlan:
         if self._falling:
             samples = samples[..., ::-1]
         pulses, channels, _ = samples.shape
-        if on_device(samples):
+        if MISSING or on_device(samples):
             profiles = inverse(samples * beside(gain, samples), self._period)
             source = (self._first + np.arange(self.n_output)) % self._period
             return profiles[..., beside(source, samples)] * beside(self._ramp, samples)

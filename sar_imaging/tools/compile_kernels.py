@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 from tqdm import tqdm
 
-from sar_imaging.compilation import counted
+from sar_imaging.compilation import counted, require_numba
 
 from .program import command_parser, main_of
 
@@ -48,6 +48,7 @@ def parser() -> argparse.ArgumentParser:
 
 def run(_: argparse.Namespace) -> str:
     """Compile all of it; returns a line about that."""
+    require_numba('what is compiled')
     started = time.monotonic()
     with counted() as kernels, tqdm(_jobs(), unit='stage') as bar:
         for name, compile_them in bar:

@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 
+from sar_imaging.compilation import MISSING
 from sar_imaging.diagnosis import Diagnosis, diagnose
 from sar_imaging.diagnosis.coherence import compile_kernels
 from sar_imaging.diagnosis.hypotheses import reach_advice
@@ -58,7 +59,8 @@ class FocusWatch:
     health : Health or Part
         Counters, with `DIAGNOSIS_COUNTERS`, and log.
     watching : bool
-        False where the diagnosis would be wrong: it knows no terrain.
+        False where the diagnosis would be wrong: it knows no terrain. Nothing is looked at without
+        Numba.
     """
 
     def __init__(self, grid: MapGrid, pulses_per_aperture: int, health: Health | Part, *,
@@ -66,9 +68,9 @@ class FocusWatch:
         self._grid, self._length, self._health = grid, pulses_per_aperture, health
         self._radar: tuple | None = None
         self._kept: list[PulseBlock] = []
-        self._watching = self._wanted = watching
+        self._watching = self._wanted = watching and not MISSING
         self._was_focused = False
-        if watching:
+        if self._watching:
             compile_kernels()
 
     def see(self, block: PulseBlock) -> None:

@@ -24,6 +24,7 @@ from sensor_msgs.msg import PointCloud2
 
 from msg_conversions.images import occupancy_to_message
 from msg_conversions.point_cloud import OBSTACLE_FIELDS, to_message
+from sar_imaging.compilation import MISSING, MissingNumbaError
 from sar_imaging.exploitation.obstacles import Obstacle, ObstacleDetector, spacing_advice
 from sar_imaging.exploitation.obstacles.aperture_view import ApertureView
 from sar_imaging.exploitation.obstacles.obstacle_map import (
@@ -102,7 +103,8 @@ class ObstacleProducts:
         self._refusal, self._advised = '', False
         # Time and stamp of the last map while some of it is known, on time.monotonic and in ns.
         self._sent: tuple[float, int] | None = None
-        compile_kernels()  # who asks for the first map must not wait for it
+        if not MISSING:
+            compile_kernels()  # who asks for the first map must not wait for it
         joined = {'joined': lambda: node.in_worker(self._publish)}
         self._grid_output = node.create_output(OccupancyGrid, 'obstacle_map', MAP_QOS, **joined)
         self._cloud_output = node.create_output(PointCloud2, 'obstacles', PRODUCT_QOS, **joined)
@@ -199,7 +201,7 @@ class ObstacleProducts:
                 lit=None if look.illuminated is None else look.illuminated())
             self._map.memory_s = p['obstacles.memory_s']
             self._map.add(detector(look.image), look.stamp_ns)
-        except (ValueError, MemoryError) as error:
+        except (ValueError, MemoryError, MissingNumbaError) as error:
             self._refuse(str(error))
             return
         self._refusal = ''

@@ -25,6 +25,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from ...backends import AUTO, CUDA, DeviceError, backend
+from ...compilation import MissingNumbaError
 from ...configuration.parameters import IN_WORDS, as_kind
 from ...yaml_text import load_yaml
 
@@ -268,10 +269,10 @@ def backend_of(parameters: Mapping[str, object]) -> str:
     Raises
     ------
     ConfigurationError
-        A device was asked for, and there is none that works.
+        A device was asked for, and there is none that works, or the processor, without Numba.
     """
     name = parameters[BACKEND.name]
-    with refused(f'parameter {BACKEND.name}: ', DeviceError):
+    with refused(f'parameter {BACKEND.name}: ', (DeviceError, MissingNumbaError)):
         backend(name)
     return name
 

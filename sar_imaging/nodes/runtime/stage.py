@@ -27,7 +27,7 @@ from msg_conversions import WireFormatError
 from msg_conversions.wire import DEFAULT_MAX_ELEMENTS
 
 from ...backends import DeviceError
-from ...compilation import counted, interruptible
+from ...compilation import SLOWLY, MissingNumbaError, counted, interruptible
 from ...configuration.datum import NONE, SOURCES, configured_datum
 from ...signal.pulses.block import CORRUPT
 from ...signal.pulses.sequence import describe_counters
@@ -36,7 +36,7 @@ from .inlet import Inlet
 from .input_watch import CAUSES, InputWatch
 from .managed import DIAGNOSTICS_PERIOD_S, ManagedNode, RCLError
 from .overload import APERTURES, FAULTS, POLICIES, Load
-from .parameters import ANY_TIME, Parameter, one_of, refused
+from .parameters import ANY_TIME, BACKEND, Parameter, one_of, refused
 from .step import Chain, Step, stream_qos
 
 CONTEXT_ENDED = RCLError, NotInitializedException, ExternalShutdownException
@@ -210,11 +210,14 @@ class Stage(ManagedNode):
         """Make the steps and their outputs; see `ManagedNode.configure`."""
         with refused():
             configured_datum(self.parameters)
+        if SLOWLY and BACKEND.name in self.parameters:
+            self.health.warning(SLOWLY)
         self._progress = self.create_publisher(UInt32, '~/progress', stream_qos(self.parameters))
         self.outputs.append(self._progress)
         steps = self.steps()
         self._inlet = steps[0].INLET(self.parameters['pulses_per_aperture'])
-        with Preparation(self, self.INPUT, self._inlet), interruptible(self.context.ok):
+        with (Preparation(self, self.INPUT, self._inlet), interruptible(self.context.ok),
+              refused(errors=MissingNumbaError)):
             self._chain = Chain([step.create(self.parameters, self._healths[step])
                                  for step in steps], reject=self._reject)
             for step in self._chain.steps:

@@ -12,7 +12,7 @@ import sys
 import threading
 from collections.abc import Callable
 
-import numba
+from ...compilation import numba
 
 _BACKGROUND_NICE = 10
 _aside: set[threading.Thread] = set()
