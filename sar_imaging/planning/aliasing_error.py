@@ -125,7 +125,11 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency, place=None,
     taper's transform W, the tapered exponential of frequency f has the spectrum ``W(b - f)``. What
     it has in bins b beyond an end is missing, and appears n bins away:
     ``e(c) = 2 |sum_b W(b - f) exp(j 2 pi b c / n)|^2`` at cell c on average over places between
-    cells, for both ends. The mean is over cells, by density, of the frequency that occurs there.
+    cells, for both ends of the band. The mean is over cells, by density.
+
+    Where frequencies differ from place to place, those at the guards count: it is the tapers that
+    widen the spectrum. Cut off at the band's end, what a taper at the cell t adds falls off as
+    ``1 / sin(pi (c - t) / n)``, which tells the shares of both guards in the error at c.
 
     All are 2, as if nothing fitted, where a frequency lies beyond the band.
 
@@ -136,7 +140,8 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency, place=None,
     frequency : (..., S) array_like
         Frequencies, bins of the transform of n cells from the middle of the band.
     place : (S,) array_like, optional
-        Where they occur, 0 to 1 from guard to guard; everywhere if left out.
+        Where they occur, 0 to 1 from guard to guard; everywhere if left out. Only the outermost
+        ones count.
     density : (B,) array_like
         Density of the cells that should be right, from guard to guard and of mean one.
 
@@ -156,11 +161,17 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency, place=None,
     if not share.any():
         return np.zeros(shape)
     table = _error_table(cells, n_guard, beta)
-    places, group = np.unique(np.zeros(n_samples) if place is None else place, return_inverse=True)
-    nearest = np.abs(np.subtract.outer(places, where)).argmin(axis=0)
-    by_place = edge / len(where) * np.stack([
-        (share * (nearest == number)) @ table for number in range(len(places))])
-    by_place = _stretched(by_place, n)
+    weight = edge / len(where) * share[None]
+    group = np.zeros(n_samples, np.intp)
+    if place is not None:
+        cell = n_guard + where * (n - 2 * n_guard)
+        to_first, to_last = (np.sin(np.pi / n * (cell - taper)) ** 2
+                             for taper in (n_guard / 2, n - n_guard / 2))
+        weight = weight * np.stack([to_last, to_first]) / (to_first + to_last)
+        ends = np.min(place), np.max(place)
+        some = np.flatnonzero(np.isin(place, ends))
+        frequency, group = frequency[..., some], np.searchsorted(ends, place[some])
+    by_place = _stretched(weight @ table, n)
     # Of both ends: the other one lies n + 1 bins from the first.
     last = by_place.shape[1] - 1
     by_place = by_place + by_place[:, np.minimum(last + 1 - np.arange(last + 1), last)]

@@ -80,6 +80,12 @@ def test_bands_grow_with_the_frequency_along_range():
     assert _error_db(case, image) <= report.predicted_error_db
 
 
+def test_middles_of_near_scenes_err_by_what_their_edges_do():
+    """Frequencies at the guards are higher by a sixth than in the middle: 4.5 dB above."""
+    report, image = _afbp(case := random_case(942299), target_db=-62.2)
+    assert _error_db(case, image) <= report.predicted_error_db
+
+
 def test_predictions_of_the_exact_imager_are_tight():
     """Bounded from both sides: what an image loses to a wrong term shows."""
     above = []

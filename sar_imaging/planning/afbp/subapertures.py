@@ -469,7 +469,7 @@ def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centr
     """
     s, coverage = sampling.sizes, sampling.coverage
     guard = s.n_guard / (s.n_coarse - 2 * s.n_guard)
-    slope = _to_guards(bands.slope[echoes], guard)
+    slope = _to_guards(bands.slope[echoes], centre_m, 0.5 * guard)
     low, high = bands.wavenumber
     wavenumber = low + (high - low) * (np.arange(_WAVENUMBERS) + 0.5) / _WAVENUMBERS
     bins = wavenumber[:, None, None] * bands.growth[echoes] * (s.extent / (2 * math.pi))
@@ -503,11 +503,16 @@ def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centr
     return error * (1 + _CHANCE / math.sqrt(2 * sampling.n_even))
 
 
-def _to_guards(slope, share: float) -> np.ndarray:
-    """Slopes of which the outermost directions lie by a share of the scene in the guards."""
+def _to_guards(slope, centre_m, beyond: float) -> np.ndarray:
+    """Slopes of which the outermost directions lie by a share of the scene beyond it.
+
+    That is where tapers are steepest; only where slopes grow towards the band's end does it count.
+    """
     slope = slope.copy().reshape(len(slope), SAMPLES_PER_SIDE, -1)
-    steps = slope[:, [0, -1]] - slope[:, [1, -2]]
-    slope[:, [0, -1]] += share * (SAMPLES_PER_SIDE - 1) * steps
+    ends = slope[:, [0, -1]]
+    steps = ends - slope[:, [1, -2]]
+    growing = steps * (ends - np.reshape(centre_m, (-1, 1, 1))) > 0
+    slope[:, [0, -1]] += beyond * (SAMPLES_PER_SIDE - 1) * steps * growing
     return slope.reshape(len(slope), -1)
 
 
