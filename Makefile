@@ -33,7 +33,7 @@ help:
 	@echo 'make test    ruff, then every test, real nodes over real DDS among them'
 	@echo 'make test-quick'
 	@echo '             the core alone, a minute once its kernels are compiled'
-	@echo 'make lint    ruff only'
+	@echo 'make lint    ruff, and types where mypy is installed (requirements-lint.txt)'
 	@echo 'make processors'
 	@echo '             kernel tests and pinned images with the code of AVX2 and of a generic processor,'
 	@echo '             three minutes'
@@ -110,6 +110,8 @@ test-quick: environment
 lint: environment
 	@echo 'ruff check ...'
 	@$(RUN) -m ruff check .
+	@if $(RUN) -c 'import mypy' 2>/dev/null; then echo 'mypy ...'; $(RUN) -m mypy; \
+	else echo 'types are not checked: pip install -r requirements-lint.txt installs mypy'; fi
 
 # What a version needs before it is published, see docs/releasing.md.
 # What cannot be checked here is told as skipped.

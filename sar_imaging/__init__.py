@@ -12,6 +12,7 @@ What is listed here is enough for that; each package lists the rest.
 """
 
 import importlib
+from typing import Any
 
 from .companion import check_companion
 
@@ -27,11 +28,11 @@ __all__ = list(_HOMES)
 check_companion()
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     return getattr(importlib.import_module(f'.{_HOMES[name]}', __name__), name)
 
 
-def __dir__():
+def __dir__() -> list[str]:
     return sorted([*globals(), *__all__])

@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 import datetime
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -80,7 +81,7 @@ class Acquisition:
     antenna: AntennaPattern | None = None
     pointing: Pointing | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, 'stamp_ns', np.asarray(self.stamp_ns, np.int64))
         if self.stamp_ns.ndim != 1 or not len(self.stamp_ns):
             raise ValueError(f'stamp_ns.shape={self.stamp_ns.shape}; expected (pulses,), the time '
@@ -126,7 +127,7 @@ class Acquisition:
             There is no block, one has no phase centres, or the radars differ.
         """
         parts = [blocks] if isinstance(blocks, PulseBlock) else blocks
-        kept: list[tuple] = []
+        kept: list[tuple[Any, ...]] = []
         looks: list[Pointing | None] = []
         radar = None
         for block in parts:

@@ -11,11 +11,14 @@ square or cube of the size; it is measured here for every image.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..geometry.earth import FLATTENING, SEMI_MAJOR_M, Datum
-from ..geometry.grids import EvenGrid
+from ..geometry.grids import EvenGrid, Grid
 from .extras import require
 
 LOCAL = 'local'
@@ -39,7 +42,7 @@ class Georeference:
         Largest distance of a pixel from where the transform puts it.
     """
 
-    crs: object
+    crs: Any
     affine: np.ndarray
     error_m: float
 
@@ -51,7 +54,7 @@ class Georeference:
         return out
 
 
-def georeference(grid, datum: Datum, crs=None) -> Georeference:
+def georeference(grid: Grid, datum: Datum, crs: Any = None) -> Georeference:
     """The projection and affine transform of a map or level plane.
 
     Parameters
@@ -83,7 +86,7 @@ def georeference(grid, datum: Datum, crs=None) -> Georeference:
     return found
 
 
-def check_level(grid) -> None:
+def check_level(grid: Grid) -> None:
     """Raise ValueError unless a grid is a map, terrain or a level plane."""
     if hasattr(grid, 'map_grid'):  # on heights
         return
@@ -97,7 +100,7 @@ def check_level(grid) -> None:
                          f'level: {advice}')
 
 
-def utm_crs(grid, datum: Datum):
+def utm_crs(grid: Grid, datum: Datum) -> Any:
     """UTM zone of the middle of an image, or UPS beyond 84 degrees north and 80 south."""
     latitude, longitude, _ = _middle(grid, datum)
     if latitude > 84 or latitude < -80:
@@ -106,7 +109,7 @@ def utm_crs(grid, datum: Datum):
     return named_crs((32600 if latitude >= 0 else 32700) + zone)
 
 
-def local_crs(grid, datum: Datum):
+def local_crs(grid: Grid, datum: Datum) -> Any:
     """Transverse Mercator projection of WGS 84 about the middle of an image."""
     crs = require('pyproj.crs', 'a map projection')
     conversions = require('pyproj.crs.coordinate_operation', 'a map projection')
@@ -116,7 +119,7 @@ def local_crs(grid, datum: Datum):
         name='Transverse Mercator about the image')
 
 
-def named_crs(crs):
+def named_crs(crs: Any) -> Any:
     """CRS of what pyproj takes for one.
 
     Raises
@@ -136,29 +139,30 @@ def named_crs(crs):
     return found
 
 
-def to_map(crs, latitude_deg, longitude_deg) -> tuple[np.ndarray, np.ndarray]:
+def to_map(crs: Any, latitude_deg: ArrayLike, longitude_deg: ArrayLike
+           ) -> tuple[np.ndarray, np.ndarray]:
     """Easting and northing of geographic places on WGS 84."""
     return _transformer(crs, inverse=False).transform(longitude_deg, latitude_deg)
 
 
-def from_map(crs, easting, northing) -> tuple[np.ndarray, np.ndarray]:
+def from_map(crs: Any, easting: ArrayLike, northing: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Latitude and longitude, degrees, of places on a map."""
     longitude, latitude = _transformer(crs, inverse=True).transform(easting, northing)
     return latitude, longitude
 
 
-def _transformer(crs, *, inverse: bool):
+def _transformer(crs: Any, *, inverse: bool) -> Any:
     pyproj = require('pyproj', 'a map projection')
     ends = (crs, pyproj.CRS(4326)) if inverse else (pyproj.CRS(4326), crs)
     return pyproj.Transformer.from_crs(*ends, always_xy=True)
 
 
-def _middle(grid, datum: Datum):
+def _middle(grid: Grid, datum: Datum) -> tuple[float, ...]:
     place = np.nan_to_num(grid.positions(*(np.array(n // 2) for n in grid.shape)))
     return tuple(float(part) for part in datum.to_geographic(place))
 
 
-def _fitted(grid, datum: Datum, crs) -> Georeference:
+def _fitted(grid: Grid, datum: Datum, crs: Any) -> Georeference:
     """Least squares over pixels of the whole image, its corners among them."""
     index = [np.unique(np.linspace(0, n - 1, _N_CHECKED).round().astype(int)) for n in grid.shape]
     row, column = (part.ravel() for part in np.meshgrid(*index, indexing='ij'))
@@ -179,7 +183,7 @@ def _fitted(grid, datum: Datum, crs) -> Georeference:
     return Georeference(crs, affine, _distance(from_map(crs, *mapped), (latitude, longitude)))
 
 
-def _distance(places, others) -> float:
+def _distance(places: Sequence[np.ndarray], others: Sequence[np.ndarray]) -> float:
     """Largest distance on the ellipsoid between near places, metres."""
     latitude = np.radians(others[0])
     root = np.sqrt(1 - FLATTENING * (2 - FLATTENING) * np.sin(latitude) ** 2)

@@ -17,13 +17,15 @@ import dataclasses
 import math
 import os
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from ..files import reading, replacing
 from ..geometry.earth import SEMI_MAJOR_M, Datum
-from ..geometry.grids import PointGrid, TerrainGrid
+from ..geometry.grids import EvenGrid, Grid, PointGrid, TerrainGrid
 from ..imaging.image import Image
 from ..numpy_files import check_memory
 from ..quality.interpolation import interpolate_image
@@ -45,8 +47,8 @@ _CACHE_BYTES = 1 << 27  # of GDAL's blocks, for bands larger than memory
 _BLOCK = 512  # sides of the file's tiles, pixels
 
 
-def write_raster(path: os.PathLike | str, bands: Mapping[str, np.ndarray], grid, datum: Datum, *,
-                 crs=None) -> Georeference:
+def write_raster(path: os.PathLike[str] | str, bands: Mapping[str, np.ndarray], grid: Grid,
+                 datum: Datum, *, crs: Any = None) -> Georeference:
     """Write values on a map as float32 bands of one file.
 
     Parameters
@@ -88,10 +90,11 @@ def write_raster(path: os.PathLike | str, bands: Mapping[str, np.ndarray], grid,
     return place
 
 
-def write_cog(path: os.PathLike | str, values, place: Georeference, *,
-              shape: tuple[int, int] | None = None, dtype=None, names: Sequence[str] = ('',),
-              units: Sequence[str] = (), nodata: float | None = None,
-              tags: Mapping[str, str] | None = None, overviews: str = 'NEAREST') -> None:
+def write_cog(path: os.PathLike[str] | str, values: np.ndarray, place: Georeference, *,
+              shape: tuple[int, int] | None = None, dtype: Any = None,
+              names: Sequence[str] = ('',), units: Sequence[str] = (),
+              nodata: float | None = None, tags: Mapping[str, str] | None = None,
+              overviews: str = 'NEAREST') -> None:
     """Write bands, whole ones or window by window in some 300 MB of memory whatever their size.
 
     Beside the file stands one without compression meanwhile, so that twice its size and more is
@@ -176,7 +179,7 @@ class MapPixels:
     affine: np.ndarray
     shape: tuple[int, int]
 
-    def points(self, grid, datum: Datum, row, column) -> np.ndarray:
+    def points(self, grid: Any, datum: Datum, row: ArrayLike, column: ArrayLike) -> np.ndarray:
         """(..., 3) places on the surface of a grid that lie over pixels, imaging frame, metres."""
         index = np.stack([*np.broadcast_arrays(column, row), np.ones(np.shape(row))])
         east, north = np.tensordot(self.affine, index, 1)
@@ -188,7 +191,7 @@ class MapPixels:
         return datum.from_geographic(latitude, longitude, height)
 
 
-def covering_pixels(grid, datum: Datum, crs, spacing_m: float) -> MapPixels:
+def covering_pixels(grid: Any, datum: Datum, crs: Any, spacing_m: float) -> MapPixels:
     """Pixels of a projection that cover an image.
 
     Their edges are multiples of the spacing, so that images beside each other share pixels.
@@ -271,14 +274,14 @@ def _carrier(acquisition: Acquisition, points: np.ndarray) -> np.ndarray:
     return np.exp(2j * np.pi * np.nan_to_num(cycles - np.round(cycles)))
 
 
-def _index(grid, points: np.ndarray) -> np.ndarray:
+def _index(grid: Any, points: np.ndarray) -> np.ndarray:
     """(..., 2) fractional row and column of places, found in the horizontal."""
     flat = getattr(grid, 'map_grid', grid)
     offset = points[..., :2] - np.array(flat.origin_m)[:2]
     return offset @ np.linalg.inv(flat.steps_m[:, :2])
 
 
-def _surface(grid, points: np.ndarray) -> np.ndarray:
+def _surface(grid: EvenGrid, points: np.ndarray) -> np.ndarray:
     """Height z of the plane or of the terrain under places; of the nearest known edge outside."""
     if isinstance(grid, TerrainGrid):
         heights = np.nan_to_num(grid.height_m, nan=float(np.nanmean(grid.height_m)))
@@ -294,9 +297,10 @@ _LARGEST_RATIO = 1032  # of what DEFLATE compresses
 _TAG, _RESAMPLED = 'SAR_IMAGING', 'RESAMPLED'
 
 
-def write_geotiff(path: os.PathLike | str, image: Image, datum: Datum, *,
-                  content: str = DECIBELS, crs=None, acquisition: Acquisition | None = None,
-                  north_up: bool = False) -> Georeference:
+def write_geotiff(path: os.PathLike[str] | str, image: Image, datum: Datum, *,
+                  content: str = DECIBELS, crs: Any = None,
+                  acquisition: Acquisition | None = None, north_up: bool = False
+                  ) -> Georeference:
     """Write a map as a cloud-optimised GeoTIFF.
 
     Pixels stay where they were imaged: their places on the map projection are told by an affine
@@ -377,8 +381,8 @@ def _unit(image: Image, content: str) -> str:
     return 'dB' if content == DECIBELS else ''
 
 
-def _placed(image: Image, datum: Datum, crs, acquisition: Acquisition | None,
-            north_up: bool) -> tuple[Georeference, np.ndarray]:
+def _placed(image: Image, datum: Datum, crs: Any, acquisition: Acquisition | None, north_up: bool
+            ) -> tuple[Georeference, np.ndarray]:
     """Place of an image on a map, and its samples there."""
     place = georeference(image.grid, datum, crs)
     if not north_up and place.error_m <= TOLERANCE_M:
@@ -407,7 +411,7 @@ def _band(samples: np.ndarray, content: str) -> tuple[np.ndarray, float | None]:
     return grey_levels(levels, *limits_db(levels)), 0
 
 
-def read_geotiff(path: os.PathLike | str) -> ImageProduct:
+def read_geotiff(path: os.PathLike[str] | str) -> ImageProduct:
     """Read a complex GeoTIFF that `write_geotiff` wrote.
 
     Parameters

@@ -13,6 +13,7 @@ import math
 import os
 import pathlib
 from collections.abc import Iterator, Mapping
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -23,7 +24,7 @@ GEOJSON, CSV = FORMATS = ('geojson', 'csv')
 _DEGREES, _METRES = 9, 4  # decimals: a tenth of a millimetre
 
 
-def write_points(path: os.PathLike | str, points_m: np.ndarray, datum: Datum,
+def write_points(path: os.PathLike[str] | str, points_m: np.ndarray, datum: Datum,
                  properties: Mapping[str, np.ndarray] | None = None) -> None:
     """Write points with latitude, longitude and ellipsoidal height.
 
@@ -85,7 +86,7 @@ def write_points(path: os.PathLike | str, points_m: np.ndarray, datum: Datum,
             _write_csv(file, places, columns)
 
 
-def _features(places: np.ndarray, columns: Mapping[str, np.ndarray]) -> Iterator[dict]:
+def _features(places: np.ndarray, columns: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
     for row, (latitude, longitude, height) in enumerate(places.tolist()):
         known = math.isfinite(latitude)
         coordinates = [round(longitude, _DEGREES), round(latitude, _DEGREES),
@@ -95,7 +96,7 @@ def _features(places: np.ndarray, columns: Mapping[str, np.ndarray]) -> Iterator
                'properties': {name: _value(values[row]) for name, values in columns.items()}}
 
 
-def _write_csv(file, places: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
+def _write_csv(file: TextIO, places: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
     writer = csv.writer(file)
     writer.writerow(['latitude', 'longitude', 'height', *columns])
     for row, (latitude, longitude, height) in enumerate(places.tolist()):
@@ -108,7 +109,7 @@ def _text(value: float, decimals: int) -> str:
     return f'{value:.{decimals}f}' if math.isfinite(value) else ''
 
 
-def _value(value):
+def _value(value: object) -> Any:
     """A number or text of Python; None for a number that is not finite."""
     value = value.item() if isinstance(value, np.generic) else value
     return None if isinstance(value, float) and not math.isfinite(value) else value
@@ -117,7 +118,7 @@ def _value(value):
 _ENDING = '.ply'
 
 
-def write_ply(path: os.PathLike | str, points_m: np.ndarray,
+def write_ply(path: os.PathLike[str] | str, points_m: np.ndarray,
               properties: Mapping[str, np.ndarray] | None = None, comment: str = '') -> None:
     """Write points with scalar properties as a binary PLY file, complete or not at all.
 

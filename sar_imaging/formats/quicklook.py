@@ -7,12 +7,14 @@ from __future__ import annotations
 import math
 import os
 import pathlib
+from typing import Any
 from xml.sax import saxutils
 
 import numpy as np
 
 from ..files import filling
 from ..geometry.earth import Datum
+from ..geometry.grids import Grid
 from ..imaging.image import Image
 from .extras import require
 from .georeference import check_level, georeference
@@ -70,7 +72,7 @@ _KML = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
-def image_corners(grid, datum: Datum) -> np.ndarray:
+def image_corners(grid: Grid, datum: Datum) -> np.ndarray:
     """(4, 2) latitude and longitude, degrees, of the outer corners of an image.
 
     Lower left, lower right, upper right, upper left as the image is drawn, row 0 on top. Those of
@@ -88,8 +90,8 @@ def image_corners(grid, datum: Datum) -> np.ndarray:
     return np.column_stack([latitude, longitude])
 
 
-def write_quicklook(path: os.PathLike | str, image: Image, datum: Datum, *,
-                    crs=None) -> list[pathlib.Path]:
+def write_quicklook(path: os.PathLike[str] | str, image: Image, datum: Datum, *, crs: Any = None
+                    ) -> list[pathlib.Path]:
     """Write an image as a PNG picture in decibels that says where on the Earth it lies.
 
     White is what a thousandth of the pixels exceeds; black is 5 dB below the median, within 30

@@ -8,6 +8,7 @@ import json
 import os
 import pathlib
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -37,9 +38,9 @@ _ROLES = {'.png': ['overview'], '.kml': ['overview'], '.json': ['metadata'],
           '.html': ['metadata']}
 
 
-def write_stac_item(path: os.PathLike | str, image: Image, datum: Datum,
-                    acquisition: Acquisition, assets: Mapping[str, os.PathLike | str], *,
-                    name: str = ''):
+def write_stac_item(path: os.PathLike[str] | str, image: Image, datum: Datum,
+                    acquisition: Acquisition,
+                    assets: Mapping[str, os.PathLike[str] | str], *, name: str = '') -> Any:
     """Write the STAC item of an image and its files, for catalogues.
 
     Parameters
@@ -106,7 +107,7 @@ def write_stac_item(path: os.PathLike | str, image: Image, datum: Datum,
     return item
 
 
-def add_asset(item, key: str, file: pathlib.Path, folder: pathlib.Path) -> None:
+def add_asset(item: Any, key: str, file: pathlib.Path, folder: pathlib.Path) -> None:
     """Add a file, or a folder of Zarr, to an item that lies in a folder."""
     pystac = require('pystac', 'writing a STAC item')
     suffix = file.suffix.lower()
@@ -118,7 +119,7 @@ def add_asset(item, key: str, file: pathlib.Path, folder: pathlib.Path) -> None:
         roles=_ROLES.get(suffix, ['data']), extra_fields=extra))
 
 
-def radar_properties(radar: RadarParameters) -> dict:
+def radar_properties(radar: RadarParameters) -> dict[str, Any]:
     """What is known of the radar, in words of the sar extension."""
     found = {'sar:instrument_mode': 'spotlight', 'sar:product_type': 'SLC',
              'sar:center_frequency': radar.carrier_hz / 1e9,
@@ -129,7 +130,7 @@ def radar_properties(radar: RadarParameters) -> dict:
     return found
 
 
-def _properties(image: Image, acquisition: Acquisition) -> dict:
+def _properties(image: Image, acquisition: Acquisition) -> dict[str, Any]:
     """What is known of radar and image, in words of the sar extension."""
     grid = getattr(image.grid, 'map_grid', image.grid)
     middle = np.asarray(grid.positions(grid.shape[0] // 2, grid.shape[1] // 2))
@@ -160,7 +161,7 @@ def _side(acquisition: Acquisition, middle: np.ndarray) -> str:
     return 'left' if side_of(ahead, middle[:2] - track.mean(axis=0)) > 0 else 'right'
 
 
-def projection(path: pathlib.Path) -> dict:
+def projection(path: pathlib.Path) -> dict[str, Any]:
     """Projection, transform and size of a GeoTIFF, in words of the projection extension."""
     rasterio = require('rasterio', 'reading GeoTIFF')
     with rasterio.open(path) as file:
@@ -173,7 +174,7 @@ def projection(path: pathlib.Path) -> dict:
     return {'proj:code': None, 'proj:wkt2': pyproj.CRS(crs.to_wkt()).to_wkt(), **found}
 
 
-def footprint(corners: np.ndarray) -> tuple[dict, list[float]]:
+def footprint(corners: np.ndarray) -> tuple[dict[str, Any], list[float]]:
     """Geometry and bounding box of a counter-clockwise or clockwise quadrangle.
 
     One that crosses the date line is cut there, and its box has the larger longitude first

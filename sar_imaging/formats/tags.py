@@ -6,12 +6,14 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
 from ..files import told
 from ..geometry.earth import Datum
-from ..geometry.grids import MapGrid, PlaneGrid
+from ..geometry.grids import Grid, MapGrid, PlaneGrid
 from ..imaging.image import Image, Report
 from ..imaging.radiometry import Radiometry
 from ..numpy_files import check_memory
@@ -85,13 +87,13 @@ def image_from_text(text: str, samples: np.ndarray, *,
     return image, datum
 
 
-def _grid(told):
+def _grid(told: Mapping[str, Any]) -> Grid:
     if told is None:
         raise ValueError('the image lay on no map and no plane; its positions are not in the tag')
     return _GRIDS[told['type']](**{name: value for name, value in told.items() if name != 'type'})
 
 
-def _ranges(counters) -> list[list[int]]:
+def _ranges(counters: Iterable[int]) -> list[list[int]]:
     """First and last of each run of consecutive counters."""
     counters = np.asarray(counters, np.int64)
     if not len(counters):

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -48,7 +49,7 @@ class Alignment:
     time_offset_s: float = 0.0
     range_bias_m: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('tx_m', 'rx_m'):
             centres = np.array(getattr(self, name), np.float64)
             if centres.ndim != 2 or centres.shape[1] != 3 or not len(centres):
@@ -60,7 +61,7 @@ class Alignment:
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f'{name}={getattr(self, name)} is not finite')
 
-    def as_dict(self) -> dict:
+    def as_dict(self) -> dict[str, Any]:
         """Fields by name, of JSON types; `Alignment(**fields)` makes it again."""
         return {'tx_m': self.tx_m.tolist(), 'rx_m': self.rx_m.tolist(),
                 'time_offset_s': self.time_offset_s, 'range_bias_m': self.range_bias_m}
@@ -108,7 +109,7 @@ class Alignment:
         self.check_channels(n_channels)
         rotation = attitude.as_matrix()
 
-        def centres(arms):
+        def centres(arms: np.ndarray) -> np.ndarray:
             rotated = np.einsum('pij,cj->pci', rotation, arms)
             return np.repeat(position_m[:, None] + rotated, n_channels // rotated.shape[1], axis=1)
 

@@ -12,6 +12,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy
@@ -77,7 +78,7 @@ class Mount:
     start_deg: float = 0.0
     start_s: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.kind not in MOUNTS:
             raise ValueError(f'antenna pointing {self.kind!r} is unknown; expected one of '
                              f'{", ".join(MOUNTS)}')
@@ -93,7 +94,7 @@ class Mount:
                              f'{self.depression_deg:g} degrees; expected -90 to 90')
         if self.kind == PLATFORM:
             try:
-                Pointing([self.boresight], self.up)
+                Pointing(np.array([self.boresight]), np.array(self.up))
             except ValueError as error:
                 raise ValueError(f'antenna boresight {list(self.boresight)} and up '
                                  f'{list(self.up)}; expected two directions in the body frame '
@@ -104,7 +105,7 @@ class Mount:
         """Whether the platform must tell its attitude."""
         return self.kind == PLATFORM
 
-    def pointing(self, stamp_ns, centre_m,
+    def pointing(self, stamp_ns: np.ndarray, centre_m: np.ndarray,
                  attitude: scipy.spatial.transform.Rotation | None = None) -> Pointing:
         """Where the antenna looks at some pulses.
 
@@ -138,7 +139,7 @@ class Mount:
         return Pointing.rotating(time_s, math.radians(self.rate_deg_per_s),
                                  math.radians(self.start_deg), math.radians(self.depression_deg))
 
-    def as_dict(self) -> dict:
+    def as_dict(self) -> dict[str, Any]:
         """Fields that differ from the defaults, of JSON types; see `from_dict`."""
         values = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)
                   if getattr(self, f.name) != f.default}
@@ -146,7 +147,7 @@ class Mount:
                 for name, value in values.items()}
 
     @classmethod
-    def from_dict(cls, values: Mapping) -> Mount:
+    def from_dict(cls, values: Mapping[str, Any]) -> Mount:
         """Mount from the names of its fields, as recordings hold them.
 
         Raises
@@ -160,9 +161,11 @@ class Mount:
             raise ValueError(f'an antenna pointing of {values!r}; expected kind, and of '
                              f'{", ".join(known[1:])} what it needs')
         try:
-            return cls(**{name: value if name in ('kind', 'side') else
-                          tuple(map(float, value)) if name in ('boresight', 'up', 'target_m')
-                          else float(value) for name, value in values.items()})
+            fields: dict[str, Any] = {
+                name: value if name in ('kind', 'side') else
+                tuple(map(float, value)) if name in ('boresight', 'up', 'target_m')
+                else float(value) for name, value in values.items()}
+            return cls(**fields)
         except TypeError as error:
             raise ValueError(f'an antenna pointing of {values!r}: {error}; expected numbers'
                              ) from error
@@ -226,7 +229,7 @@ class Antenna:
     elevation_deg: tuple[float, ...] = ()
     elevation_gain_db: tuple[float, ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.pattern not in PATTERNS:
             raise ValueError(f'antenna pattern {self.pattern!r} is unknown; expected one of '
                              f'{", ".join(PATTERNS)}')
@@ -300,15 +303,16 @@ class Antenna:
             tables[f'{axis}_deg'] = np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
             amplitude = cut.at_sine(np.clip(sine, cut.start, cut.start + cut.step * last))
             tables[f'{axis}_gain_db'] = 10 * np.log10(np.maximum(amplitude, _DARK))
-        return cls(MEASURED, **{name: tuple(v.tolist()) for name, v in tables.items()})
+        fields: dict[str, Any] = {name: tuple(v.tolist()) for name, v in tables.items()}
+        return cls(MEASURED, **fields)
 
-    def as_dict(self) -> dict:
+    def as_dict(self) -> dict[str, Any]:
         """Fields that are given, of JSON types; see `from_dict`."""
         return {name: list(value) if isinstance(value, tuple) else value
                 for name, value in dataclasses.asdict(self).items() if value}
 
     @classmethod
-    def from_dict(cls, values: Mapping) -> Antenna:
+    def from_dict(cls, values: Mapping[str, Any]) -> Antenna:
         """Antenna from the names of its fields, as files and recordings hold them.
 
         Raises
@@ -319,7 +323,7 @@ class Antenna:
         known = {f.name: f.type for f in dataclasses.fields(cls)}
         if not isinstance(values, Mapping) or not set(values) <= set(known):
             raise ValueError(f'an antenna of {values!r}; expected {", ".join(known)}')
-        fields = {}
+        fields: dict[str, Any] = {}
         for name, value in values.items():
             try:
                 fields[name] = (str(value) if name == 'pattern' else

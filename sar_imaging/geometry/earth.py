@@ -13,6 +13,7 @@ import dataclasses
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 # WGS 84 (NGA.STND.0036, table 3.1)
 SEMI_MAJOR_M = 6378137.0
@@ -61,7 +62,7 @@ class Datum:
     height_m: float = 0.0
     heading_deg: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = float(getattr(self, field.name))
             if not math.isfinite(value):
@@ -97,32 +98,34 @@ class Datum:
         return np.stack([math.cos(heading) * east - math.sin(heading) * north,
                          math.sin(heading) * east + math.cos(heading) * north, up])
 
-    def to_ecef(self, points_m) -> np.ndarray:
+    def to_ecef(self, points_m: np.ndarray) -> np.ndarray:
         """ECEF coordinates of (..., 3) points of the frame, float64 metres."""
         return self.vectors_to_ecef(points_m) + self.origin_ecef_m
 
-    def from_ecef(self, points_m) -> np.ndarray:
+    def from_ecef(self, points_m: ArrayLike) -> np.ndarray:
         """Points of the frame from (..., 3) ECEF coordinates, float64 metres."""
         return self.vectors_from_ecef(np.asarray(points_m, np.float64) - self.origin_ecef_m)
 
-    def vectors_to_ecef(self, vectors) -> np.ndarray:
+    def vectors_to_ecef(self, vectors: ArrayLike) -> np.ndarray:
         """Components along the ECEF axes of (..., 3) vectors of the frame, such as velocities."""
         return np.asarray(vectors, np.float64) @ self.axes_ecef
 
-    def vectors_from_ecef(self, vectors) -> np.ndarray:
+    def vectors_from_ecef(self, vectors: ArrayLike) -> np.ndarray:
         """Components along the frame's axes of (..., 3) vectors given in ECEF."""
         return np.asarray(vectors, np.float64) @ self.axes_ecef.T
 
-    def to_geographic(self, points_m) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def to_geographic(self, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Latitude and longitude, degrees, and ellipsoidal height, metres, of (..., 3) points."""
         return ecef_to_geographic(self.to_ecef(points_m))
 
-    def from_geographic(self, latitude_deg, longitude_deg, height_m) -> np.ndarray:
+    def from_geographic(self, latitude_deg: np.ndarray, longitude_deg: np.ndarray,
+                        height_m: np.ndarray) -> np.ndarray:
         """(..., 3) points of the frame from geographic coordinates, float64 metres."""
         return self.from_ecef(geographic_to_ecef(latitude_deg, longitude_deg, height_m))
 
 
-def geographic_to_ecef(latitude_deg, longitude_deg, height_m) -> np.ndarray:
+def geographic_to_ecef(latitude_deg: ArrayLike, longitude_deg: ArrayLike, height_m: ArrayLike
+                       ) -> np.ndarray:
     """ECEF coordinates from geodetic latitude, longitude (degrees) and ellipsoidal height.
 
     Parameters
@@ -144,7 +147,7 @@ def geographic_to_ecef(latitude_deg, longitude_deg, height_m) -> np.ndarray:
         (normal * (1 - _ECCENTRICITY2) + height) * np.sin(lat)), axis=-1)
 
 
-def ecef_to_geographic(points_m) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def ecef_to_geographic(points_m: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Geodetic latitude, longitude (degrees) and ellipsoidal height (metres) of ECEF points.
 
     Bowring (Survey Review 23, 1976), his step repeated until what is left is rounding, for points

@@ -7,9 +7,10 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .track import main_axis
 
@@ -34,7 +35,7 @@ class Grid(Protocol):
     def shape(self) -> tuple[int, ...]:
         """Shape of images."""
 
-    def positions(self, *index) -> np.ndarray:
+    def positions(self, *index: Any, **named: Any) -> np.ndarray:
         """(..., 3) float64 positions of some pixels in the imaging frame, metres.
 
         One integer array for each axis of the image, broadcast together.
@@ -60,7 +61,7 @@ class EvenGrid(Grid, Protocol):
         """(A, 3) float64 step of the position along each axis of the image, metres."""
 
 
-def even_positions(grid: EvenGrid, *index) -> np.ndarray:
+def even_positions(grid: EvenGrid, *index: ArrayLike) -> np.ndarray:
     """(..., 3) float64 positions of some pixels of a grid with equal steps, metres."""
     return sum((np.multiply.outer(np.asarray(i, float), step)
                 for i, step in zip(index, grid.steps_m, strict=True)), np.array(grid.origin_m))
@@ -104,7 +105,7 @@ class MapGrid:
     n_y: int
     spacing_m: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, 'centre_m', tuple(float(v) for v in self.centre_m))
         if len(self.centre_m) != 3 or not all(map(math.isfinite, self.centre_m)):
             raise ValueError(f'centre_m={self.centre_m}; expected three finite numbers')
@@ -114,7 +115,8 @@ class MapGrid:
             raise ValueError(f'spacing_m={self.spacing_m} must be positive and finite')
 
     @classmethod
-    def from_size(cls, centre_m, size_x_m: float, size_y_m: float, spacing_m: float) -> MapGrid:
+    def from_size(cls, centre_m: tuple[float, float, float], size_x_m: float, size_y_m: float,
+                  spacing_m: float) -> MapGrid:
         """Grid whose pixel centres cover ``size_x_m`` by ``size_y_m``, edges included, metres."""
         if not (math.isfinite(spacing_m) and spacing_m > 0):
             raise ValueError(f'spacing_m={spacing_m} must be positive and finite')
@@ -151,7 +153,7 @@ class MapGrid:
         """(2, 3) float64 step of the position from row to row, and from column to column."""
         return np.array([[0.0, -self.spacing_m, 0.0], [self.spacing_m, 0.0, 0.0]])
 
-    def positions(self, row, column) -> np.ndarray:
+    def positions(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
         """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
         x, y, z = np.broadcast_arrays(self.x_m[column], self.y_m[row], self.z_m)
         return np.stack([x, y, z], axis=-1)
@@ -169,7 +171,7 @@ class MapGrid:
         if image.shape != self.shape:
             raise ValueError(f'image.shape={image.shape} does not match grid.shape={self.shape}')
 
-    def to_pixels(self, x_m, y_m) -> tuple[np.ndarray, np.ndarray]:
+    def to_pixels(self, x_m: ArrayLike, y_m: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Fractional ``(row, column)`` of positions in metres."""
         row = (self.y_m[0] - np.asarray(y_m, float)) / self.spacing_m
         column = (np.asarray(x_m, float) - self.x_m[0]) / self.spacing_m
@@ -219,15 +221,15 @@ class PlaneGrid:
     n_u: int
     n_v: int
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('origin_m', 'step_u_m', 'step_v_m'):
             object.__setattr__(self, name, _vector(name, getattr(self, name)))
         _check_count(n_u=self.n_u, n_v=self.n_v)
         _check_steps(step_u_m=self.step_u_m, step_v_m=self.step_v_m)
 
     @classmethod
-    def vertical_section(cls, foot_m, direction, length_m: float, low_m: float, high_m: float,
-                         spacing_m: float) -> PlaneGrid:
+    def vertical_section(cls, foot_m: np.ndarray, direction: ArrayLike, length_m: float,
+                         low_m: float, high_m: float, spacing_m: float) -> PlaneGrid:
         """Vertical section along a horizontal direction, such as that of the look.
 
         Parameters
@@ -250,7 +252,7 @@ class PlaneGrid:
                    n_u, n_v)
 
     @classmethod
-    def wall(cls, centre_m, normal, width_m: float, height_m: float,
+    def wall(cls, centre_m: np.ndarray, normal: ArrayLike, width_m: float, height_m: float,
              spacing_m: float) -> PlaneGrid:
         """Vertical plane across the line of sight.
 
@@ -271,8 +273,8 @@ class PlaneGrid:
                            ('height_m', height_m), spacing_m)
 
     @classmethod
-    def slant_plane(cls, track_m, centre_m, range_size_m: float, track_size_m: float,
-                    spacing_m: float) -> PlaneGrid:
+    def slant_plane(cls, track_m: ArrayLike, centre_m: ArrayLike, range_size_m: float,
+                    track_size_m: float, spacing_m: float) -> PlaneGrid:
         """Plane through a track and the middle of the scene, in which radar pictures lie.
 
         Parameters
@@ -302,18 +304,19 @@ class PlaneGrid:
         look = _vector('centre_m', centre_m) - middle
         across = look - (look @ along) * along
         if not np.linalg.norm(across) > _LEAST_SINE * np.linalg.norm(look):
-            raise ValueError(f'centre_m={tuple(centre_m)} lies on the line of the track; expected '
-                             'a scene beside it')
+            raise ValueError(f'centre_m={_vector("centre_m", centre_m)} lies on the line of the '
+                             'track; expected a scene beside it')
         return cls._around(centre_m, across / np.linalg.norm(across), -along,
                            ('range_size_m', range_size_m), ('track_size_m', track_size_m),
                            spacing_m)
 
     @classmethod
-    def _around(cls, centre_m, u, v, width, height, spacing_m):
+    def _around(cls, centre_m: ArrayLike, u: ArrayLike, v: ArrayLike, width: tuple[str, float],
+                height: tuple[str, float], spacing_m: float) -> PlaneGrid:
         n_u, n_v = _pixels(*width, spacing_m), _pixels(*height, spacing_m)
-        u, v = spacing_m * np.asarray(u), spacing_m * np.asarray(v)
-        origin = _vector('centre_m', centre_m) - 0.5 * ((n_u - 1) * u + (n_v - 1) * v)
-        return cls(tuple(origin), tuple(u), tuple(v), n_u, n_v)
+        step_u, step_v = spacing_m * np.asarray(u), spacing_m * np.asarray(v)
+        origin = _vector('centre_m', centre_m) - 0.5 * ((n_u - 1) * step_u + (n_v - 1) * step_v)
+        return cls(tuple(origin), tuple(step_u), tuple(step_v), n_u, n_v)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -325,7 +328,7 @@ class PlaneGrid:
         """(2, 3) float64 step of the position along each axis of the image, metres."""
         return np.array([self.step_v_m, self.step_u_m])
 
-    def positions(self, row, column) -> np.ndarray:
+    def positions(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
         """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
         return even_positions(self, row, column)
 
@@ -376,7 +379,7 @@ class VolumeGrid:
     n_y: int
     n_z: int
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('origin_m', 'step_x_m', 'step_y_m', 'step_z_m'):
             object.__setattr__(self, name, _vector(name, getattr(self, name)))
         _check_count(n_x=self.n_x, n_y=self.n_y, n_z=self.n_z)
@@ -415,7 +418,7 @@ class VolumeGrid:
         return PlaneGrid(tuple(self.positions(number, 0, 0)), self.step_x_m, self.step_y_m,
                          self.n_x, self.n_y)
 
-    def positions(self, layer, row, column) -> np.ndarray:
+    def positions(self, layer: ArrayLike, row: ArrayLike, column: ArrayLike) -> np.ndarray:
         """(..., 3) float64 positions of some voxels, by broadcast numbers, metres."""
         return even_positions(self, layer, row, column)
 
@@ -424,14 +427,14 @@ class VolumeGrid:
         return self.positions(*np.ogrid[:self.n_z, :self.n_y, :self.n_x])
 
 
-def _vector(name: str, value) -> tuple[float, ...]:
+def _vector(name: str, value: Any) -> tuple[float, ...]:
     numbers = np.asarray(value, float)
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
         raise ValueError(f'{name}={value}; expected three finite numbers: x, y and z in metres')
     return tuple(numbers.tolist())
 
 
-def _direction(name: str, value, n: int) -> np.ndarray:
+def _direction(name: str, value: Any, n: int) -> np.ndarray:
     """Unit vector."""
     numbers = np.asarray(value, float)
     if numbers.shape != (n,) or not np.isfinite(numbers).all() or not numbers.any():
@@ -455,7 +458,7 @@ def _check_count(**counts: int) -> None:
                          + '; expected at least one pixel each')
 
 
-def _check_steps(**steps) -> None:
+def _check_steps(**steps: tuple[float, float, float]) -> None:
     """Refuse steps that span no plane or volume."""
     vectors = np.array(list(steps.values()))
     lengths = np.linalg.norm(vectors, axis=1)
@@ -496,7 +499,7 @@ class TerrainGrid:
     map_grid: MapGrid
     height_m: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         heights = np.require(self.height_m, np.float64, ['C', 'W'])
         if heights.shape != self.shape:
             raise ValueError(f'height_m.shape={heights.shape} does not match the grid; '
@@ -509,7 +512,7 @@ class TerrainGrid:
         """Image shape ``(n_y, n_x)``."""
         return self.map_grid.shape
 
-    def positions(self, row, column) -> np.ndarray:
+    def positions(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
         """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
         out = self.map_grid.positions(row, column)
         out[..., 2] = self.height_m[row, column]
@@ -551,7 +554,7 @@ class PointGrid:
 
     points_m: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         # Writable, since Numba would compile once more for what is not.
         points = np.require(self.points_m, np.float64, ['C', 'W'])
         if points.ndim < 1 or points.shape[-1] != 3 or points.size == 0:
@@ -566,7 +569,7 @@ class PointGrid:
         """Shape of the array of positions."""
         return self.points_m.shape[:-1]
 
-    def positions(self, *index) -> np.ndarray:
+    def positions(self, *index: np.ndarray) -> np.ndarray:
         """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
         return self.points_m[index]
 
@@ -575,7 +578,7 @@ class PointGrid:
         return self.points_m
 
 
-def as_grid(grid: Grid | np.ndarray, height_m=None) -> Grid:
+def as_grid(grid: Grid | np.ndarray, height_m: ArrayLike | None = None) -> Grid:
     """Grid of what users pass for one: itself, positions (..., 3), or a map and its heights.
 
     Raises
@@ -587,7 +590,7 @@ def as_grid(grid: Grid | np.ndarray, height_m=None) -> Grid:
         if not isinstance(grid, MapGrid):
             raise ValueError(f'height_m goes with a MapGrid, not with {type(grid).__name__}; '
                              'other grids have their own z')
-        return TerrainGrid(grid, height_m)
+        return TerrainGrid(grid, np.asarray(height_m))
     return grid if isinstance(grid, MapGrid | Grid) else PointGrid(grid)  # maps are told quickly
 
 

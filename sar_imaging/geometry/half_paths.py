@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +41,7 @@ class Paths:
         first, second, third, fourth = self.derivatives
         return dataclasses.replace(self, derivatives=(-first, second, -third, fourth))
 
-    def with_illuminated(self, values) -> np.ndarray:
+    def with_illuminated(self, values: np.ndarray) -> np.ndarray:
         """Values (..., R, S) in which those of illuminated pairs stand for all others."""
         if self.illuminated is None:
             return values
@@ -49,7 +51,7 @@ class Paths:
         source[dark] = illuminated[np.arange(len(dark)) * _STRIDE % len(illuminated)]
         return values.reshape(*values.shape[:-2], -1)[..., source].reshape(values.shape)
 
-    def of_illuminated_rows(self, values) -> np.ndarray:
+    def of_illuminated_rows(self, values: np.ndarray) -> np.ndarray:
         """Values (R, S) in which the mean of a row's illuminated ones stands for its others.
 
         Rows without any have that of the illuminated rows before and after.
@@ -59,22 +61,24 @@ class Paths:
         mean = (values * self.illuminated).sum(axis=1)[some] / count[some]
         return np.where(self.illuminated, values, np.interp(number, number[some], mean)[:, None])
 
-    def of_illuminated(self, values, rows=slice(None)) -> np.ndarray:
+    def of_illuminated(self, values: np.ndarray, rows: slice | np.ndarray = slice(None)
+                       ) -> np.ndarray:
         """Values of illuminated pairs alone, (n,), from those of all pairs or of some rows."""
         return values if self.illuminated is None else values[self.illuminated[rows]]
 
 
-def sample_paths(tx_m, rx_m, line) -> Paths:
+def sample_paths(tx_m: np.ndarray, rx_m: np.ndarray, line: Sequence[np.ndarray]) -> Paths:
     """Half paths and their derivatives at points of image lines.
 
     `line` holds points (S, 3), metres, and their first to at most fourth derivative along the
     line; the others are zero.
     """
     found = _paths([np.asarray(c)[:, None] for c in _distinct(tx_m, rx_m)], line)
-    return Paths(found[0], tuple(found[1:]))
+    length, first, second, third, fourth = found
+    return Paths(length, (first, second, third, fourth))
 
 
-def pair_paths(tx_m, rx_m, line) -> np.ndarray:
+def pair_paths(tx_m: np.ndarray, rx_m: np.ndarray, line: Sequence[np.ndarray]) -> np.ndarray:
     """(5, n) half paths and their four derivatives from phase centres (n, 3), each to one point.
 
     Centres in metres; `line` as of `sample_paths`, of n points.
@@ -82,14 +86,14 @@ def pair_paths(tx_m, rx_m, line) -> np.ndarray:
     return np.stack(_paths(_distinct(tx_m, rx_m), line))
 
 
-def pair_lengths(tx_m, rx_m, points_m) -> np.ndarray:
+def pair_lengths(tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray) -> np.ndarray:
     """(n, ...) half paths from phase centres (n, 3), each to its points (n, ..., 3), metres."""
     between = (slice(None), *[None] * (points_m.ndim - 2))
     centres = _distinct(tx_m, rx_m)
     return sum(np.linalg.norm(points_m - c[between], axis=-1) for c in centres) / len(centres)
 
 
-def _paths(centres, line) -> list[np.ndarray]:
+def _paths(centres: Sequence[np.ndarray], line: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Mean distance from centres, (..., 3) each, to points of lines, and its four derivatives.
 
     By Leibniz' rule for the square of the distance. Coordinates are taken one after the other:
@@ -97,7 +101,7 @@ def _paths(centres, line) -> list[np.ndarray]:
     """
     derivatives = [np.asarray(v).T for v in line[1:]]
 
-    def square(i, j):
+    def square(i: int, j: int) -> Any:
         return (sum(a * b for a, b in zip(derivatives[i], derivatives[j], strict=True))
                 if max(i, j) < len(derivatives) else 0.0)
 
@@ -105,8 +109,9 @@ def _paths(centres, line) -> list[np.ndarray]:
     for centre in centres:
         offset = [x - c for x, c in zip(line[0].T, np.moveaxis(centre, -1, 0), strict=True)]
         d = np.maximum(np.sqrt(sum(o * o for o in offset)), _NEAREST_M)
-        p1, p2, p3, p4 = (*(sum(o * x for o, x in zip(offset, v, strict=True))
-                            for v in derivatives), *[0.0] * (4 - len(derivatives)))
+        along: list[Any] = [sum(o * x for o, x in zip(offset, v, strict=True))
+                            for v in derivatives]
+        p1, p2, p3, p4 = along + [0.0] * (4 - len(along))
         d1 = p1 / d
         d2 = (square(0, 0) + p2 - d1 * d1) / d
         d3 = (3 * square(0, 1) + p3 - 3 * d1 * d2) / d
@@ -116,12 +121,13 @@ def _paths(centres, line) -> list[np.ndarray]:
     return total if len(centres) == 1 else [v / len(centres) for v in total]
 
 
-def _distinct(tx_m, rx_m) -> list:
+def _distinct(tx_m: np.ndarray, rx_m: np.ndarray) -> list[Any]:
     """Ends of paths: both, or one if they are in the same places."""
     return [tx_m] if np.array_equal(tx_m, rx_m) else [tx_m, rx_m]
 
 
-def half_paths(tx_m, rx_m, position, *directions) -> np.ndarray:
+def half_paths(tx_m: np.ndarray, rx_m: np.ndarray, position: np.ndarray, *directions: np.ndarray
+               ) -> np.ndarray:
     """(1 + D, R, S) half paths to points (S, 3), metres, and their derivatives along D directions.
 
     `directions` are derivatives of the positions by some parameters, (S, 3) each.

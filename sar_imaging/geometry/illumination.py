@@ -29,10 +29,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import ArrayLike
 
 from ..names import moved
 from .half_paths import Paths
@@ -84,7 +86,7 @@ class PatternCut:
     step: float
     amplitude: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         amplitude = np.require(self.amplitude, np.float64, ['C', 'W'])
         if (amplitude.ndim != 1 or len(amplitude) < 2 or not np.isfinite(amplitude).all()
                 or amplitude.min() < 0 or amplitude.max() == 0):
@@ -153,7 +155,7 @@ class PatternCut:
                          * _fall(angle, smooth, cutoff), width_rad, cutoff)
 
     @classmethod
-    def measured(cls, angle_rad, amplitude) -> PatternCut:
+    def measured(cls, angle_rad: ArrayLike, amplitude: ArrayLike) -> PatternCut:
         """Table of a measured pattern, interpolated by a monotonic cubic; zero beyond its ends.
 
         Parameters
@@ -171,13 +173,14 @@ class PatternCut:
             raise ValueError(f'angle_rad.shape={angle.shape}, amplitude.shape={amplitude.shape}; '
                              'expected as many ascending angles within -pi/2 to pi/2 radians as '
                              'amplitudes, two or more, none negative')
-        sine = np.linspace(*np.sin(angle[[0, -1]]), _POINTS)
+        sine = np.linspace(np.sin(angle[0]), np.sin(angle[-1]), _POINTS)
         between = scipy.interpolate.PchipInterpolator(angle, amplitude)
         values = between(np.clip(np.arcsin(sine), angle[0], angle[-1]))
         return cls(float(sine[0]), float(sine[1] - sine[0]), np.maximum(values, 0.0))
 
     @classmethod
-    def _even(cls, pattern, width_rad: float, cutoff_rad: float) -> PatternCut:
+    def _even(cls, pattern: Callable[[np.ndarray], np.ndarray], width_rad: float,
+              cutoff_rad: float) -> PatternCut:
         _check_angles(width_rad, cutoff_rad)
         furthest = math.sin(cutoff_rad)
         sine = np.linspace(-furthest, furthest, _POINTS)
@@ -229,7 +232,7 @@ class PatternCut:
         beyond = power[::-1].cumsum()[::-1]
         return 2 * np.pi * np.fft.rfftfreq(n, self.step), beyond / beyond[0]
 
-    def at_sine(self, sine) -> np.ndarray:
+    def at_sine(self, sine: float | np.ndarray) -> np.ndarray:
         """Two-way amplitude by the sine of the angle, any shape."""
         place = (np.clip(sine, -1.0, 1.0) - self.start) / self.step
         last = len(self.amplitude) - 1
@@ -237,7 +240,7 @@ class PatternCut:
         value = np.interp(place, np.arange(last + 1), self.amplitude)
         return np.where(inside, value, 0.0)
 
-    def at(self, angle_rad) -> np.ndarray:
+    def at(self, angle_rad: ArrayLike) -> np.ndarray:
         """Two-way amplitude by the angle, radians, any shape; 0 behind the antenna."""
         angle = np.asarray(angle_rad, np.float64)
         return np.where(np.cos(angle) >= 0, self.at_sine(np.sin(angle)), 0.0)
@@ -265,13 +268,13 @@ class AntennaPattern:
     azimuth: PatternCut
     elevation: PatternCut = dataclasses.field(default_factory=PatternCut.everywhere)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('azimuth', 'elevation'):
             if not isinstance(getattr(self, name), PatternCut):
                 raise ValueError(f'{name} is a {type(getattr(self, name)).__name__}; expected a '
                                  'PatternCut, such as PatternCut.gaussian(width_rad)')
 
-    def amplitude(self, offset_m, axes) -> np.ndarray:
+    def amplitude(self, offset_m: np.ndarray, axes: np.ndarray) -> np.ndarray:
         """Two-way amplitude towards points.
 
         Parameters
@@ -302,7 +305,7 @@ def _check_angles(width_rad: float, cutoff_rad: float) -> None:
                          'radians: give a smaller width or cutoff_rad')
 
 
-def _fall(angle, start_rad: float, stop_rad: float):
+def _fall(angle: np.ndarray, start_rad: float, stop_rad: float) -> np.ndarray:
     """1 up to an angle, falling to 0 at another as a squared cosine."""
     share = np.clip((angle - start_rad) / max(stop_rad - start_rad, 1e-15), 0.0, 1.0)
     return np.cos(0.5 * np.pi * share) ** 2
@@ -345,9 +348,9 @@ class Pointing:
     """
 
     boresight: np.ndarray
-    up: np.ndarray = _UP
+    up: np.ndarray = _UP  # type: ignore[assignment]  # broadcast at once
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         boresight = np.asarray(self.boresight, np.float64)
         if boresight.ndim != 2 or boresight.shape[1] != 3:
             raise ValueError(f'boresight.shape={boresight.shape}; expected (P, 3), one direction '
@@ -372,7 +375,8 @@ class Pointing:
         object.__setattr__(self, 'up', np.ascontiguousarray(up / length))
 
     @classmethod
-    def fixed(cls, attitude, boresight_body, up_body=_UP) -> Pointing:
+    def fixed(cls, attitude: scipy.spatial.transform.Rotation | ArrayLike,
+              boresight_body: ArrayLike, up_body: ArrayLike = _UP) -> Pointing:
         """An antenna bolted to the platform.
 
         Parameters
@@ -395,7 +399,7 @@ class Pointing:
                    np.atleast_2d(attitude.apply(np.asarray(up_body, np.float64))))
 
     @classmethod
-    def beside_track(cls, centre_m, side: int, depression_rad: float = 0.0,
+    def beside_track(cls, centre_m: ArrayLike, side: int, depression_rad: float = 0.0,
                      squint_rad: float = 0.0) -> Pointing:
         """Beside the direction of flight, as stripmap radars look.
 
@@ -433,7 +437,7 @@ class Pointing:
         return cls(np.concatenate([math.cos(depression_rad) * level, down], axis=1))
 
     @classmethod
-    def steered(cls, centre_m, target_m, up=_UP) -> Pointing:
+    def steered(cls, centre_m: ArrayLike, target_m: ArrayLike, up: ArrayLike = _UP) -> Pointing:
         """To one point all the time, as spotlight radars look.
 
         Parameters
@@ -445,10 +449,10 @@ class Pointing:
         up : (3,) or (P, 3) array_like
             As of `Pointing`.
         """
-        return cls(np.asarray(target_m, np.float64) - _centres(centre_m), up)
+        return cls(np.asarray(target_m, np.float64) - _centres(centre_m), np.asarray(up))
 
     @classmethod
-    def rotating(cls, time_s, rate_rad_per_s: float, start_rad: float = 0.0,
+    def rotating(cls, time_s: ArrayLike, rate_rad_per_s: float, start_rad: float = 0.0,
                  depression_rad: float = 0.0) -> Pointing:
         """Around the frame's z axis at an even rate, as scanning radars and arcs look.
 
@@ -481,7 +485,7 @@ class Pointing:
         axes[:, 1], axes[:, 2] = self.boresight, self.up
         return axes
 
-    def select(self, index) -> Pointing:
+    def select(self, index: Any) -> Pointing:
         """Pulses at `index` (slice, mask or integers)."""
         return self._of_unit_vectors(self.boresight[index], self.up[index])
 
@@ -497,7 +501,7 @@ class Pointing:
                                     np.concatenate([p.up for p in parts]))
 
     @classmethod
-    def of_unit_vectors(cls, boresight, up) -> Pointing:
+    def of_unit_vectors(cls, boresight: np.ndarray, up: np.ndarray) -> Pointing:
         """From (P, 3) perpendicular unit vectors, kept to the bit, as messages carry them.
 
         Raises
@@ -514,7 +518,7 @@ class Pointing:
         return cls._of_unit_vectors(boresight, up)
 
     @classmethod
-    def _of_unit_vectors(cls, boresight, up) -> Pointing:
+    def _of_unit_vectors(cls, boresight: ArrayLike, up: ArrayLike) -> Pointing:
         """Kept to the bit: plans are for directions that are compared."""
         found = object.__new__(cls)
         object.__setattr__(found, 'boresight', np.ascontiguousarray(boresight))
@@ -522,7 +526,7 @@ class Pointing:
         return found
 
 
-def _centres(centre_m) -> np.ndarray:
+def _centres(centre_m: ArrayLike) -> np.ndarray:
     centre = np.asarray(centre_m, np.float64)
     if centre.ndim != 2 or centre.shape[1] != 3 or not np.isfinite(centre).all():
         raise ValueError(f'centre_m.shape={centre.shape}; expected (P, 3) finite positions, one '
@@ -610,8 +614,8 @@ class Illumination:
     foreseen: bool = False
 
     @classmethod
-    def of_pulses(cls, pattern: AntennaPattern, pointing: Pointing | None, tx_m, rx_m, *,
-                  foreseen: bool = False) -> Illumination:
+    def of_pulses(cls, pattern: AntennaPattern, pointing: Pointing | None, tx_m: ArrayLike,
+                  rx_m: np.ndarray, *, foreseen: bool = False) -> Illumination:
         """Illumination by pulses with phase centres (P, C, 3), metres, pulse by pulse.
 
         Raises
@@ -635,16 +639,16 @@ class Illumination:
         """Memory of the positions and axes, bytes."""
         return self.centre_m.nbytes + self.axes.nbytes
 
-    def select(self, rows) -> Illumination:
+    def select(self, rows: Any) -> Illumination:
         """Some of the echoes, by slice, mask or integers."""
         return Illumination(self.pattern, self.centre_m[rows], self.axes[rows], self.foreseen)
 
-    def lights(self, points_m) -> np.ndarray | None:
+    def lights(self, points_m: np.ndarray) -> np.ndarray | None:
         """(R, S) bool which points (S, 3), metres, each echo lights; None where all may be."""
         illuminated = None if self.foreseen else self.amplitude(points_m) > 0
         return illuminated if illuminated is not None and illuminated.any() else None
 
-    def may_light(self, points_m, shape: tuple[int, ...]) -> np.ndarray | None:
+    def may_light(self, points_m: np.ndarray, shape: tuple[int, ...]) -> np.ndarray | None:
         """(R, S) bool which points of a mesh bound a cell of it that an echo may light.
 
         Points (S, 3), metres, are a mesh of `shape`. The directions beyond one end of a pattern,
@@ -668,7 +672,7 @@ class Illumination:
                 np.take(wider, np.arange(wider.shape[axis] - 1) + i, axis) for i in (0, 1)))
         return illuminated.reshape(len(illuminated), -1) if illuminated.any() else None
 
-    def dark_cones(self, points_m) -> np.ndarray:
+    def dark_cones(self, points_m: np.ndarray) -> np.ndarray:
         """(R, S) uint8 in which of the cones beyond ends of the pattern points lie, bit by bit."""
         right, ahead, up = np.einsum('rij,rsj->irs', self.axes,
                                      points_m - self.centre_m[:, None])
@@ -681,11 +685,11 @@ class Illumination:
                  up * math.sqrt(1 - low ** 2) < ahead * low)
         return sum(cone.astype(np.uint8) << bit for bit, cone in enumerate(cones))
 
-    def of_paths(self, paths: Paths, points_m) -> Paths:
+    def of_paths(self, paths: Paths, points_m: np.ndarray) -> Paths:
         """Paths of the echoes to points (S, 3), metres, that know which of these they light."""
         return dataclasses.replace(paths, illuminated=self.lights(points_m))
 
-    def spread(self, points_m, direction_m) -> AmplitudeSpread:
+    def spread(self, points_m: np.ndarray, direction_m: np.ndarray) -> AmplitudeSpread:
         """Frequencies of the amplitudes along a direction, radians per unit of it.
 
         Parameters
@@ -715,7 +719,7 @@ class Illumination:
         return AmplitudeSpread(rms, tuple(middle.tolist()), tuple(share.tolist()),
                                bend / bend.mean())
 
-    def amplitude(self, points_m) -> np.ndarray:
+    def amplitude(self, points_m: ArrayLike) -> np.ndarray:
         """(R, ...) float64 two-way amplitude of each echo at points (..., 3), metres."""
         points = np.asarray(points_m, np.float64)
         between = (slice(None), *[None] * (points.ndim - 1))

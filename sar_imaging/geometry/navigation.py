@@ -11,9 +11,11 @@ from __future__ import annotations
 import collections
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from .earth import Datum, ecef_to_geographic, geographic_to_ecef
@@ -96,7 +98,7 @@ class FoundDatum:
     heading_std_deg: float = math.nan
 
 
-def datum_through(ecef_m, place_m, heading_deg: float) -> Datum:
+def datum_through(ecef_m: ArrayLike, place_m: ArrayLike, heading_deg: float) -> Datum:
     """Datum of a frame with a known heading in which a place on the Earth is known.
 
     Parameters
@@ -178,7 +180,8 @@ class DatumSearch:
         self._heading_deg, self._baseline_m = heading_deg, baseline_m
         self._begin('no good fix yet')
 
-    def add(self, ecef_m, place_m, std_m: float = math.nan) -> FoundDatum | None:
+    def add(self, ecef_m: ArrayLike, place_m: ArrayLike, std_m: float = math.nan
+            ) -> FoundDatum | None:
         """Add a place that is known on the Earth and in the frame.
 
         Parameters
@@ -258,7 +261,8 @@ def _fitted(ecef_m: np.ndarray, place_m: np.ndarray) -> Datum:
 
 
 def _at(ecef_m: np.ndarray, heading_deg: float) -> Datum:
-    return Datum(*(float(v) for v in ecef_to_geographic(ecef_m)), heading_deg=heading_deg)
+    latitude, longitude, height = (float(v) for v in ecef_to_geographic(ecef_m))
+    return Datum(latitude, longitude, height, heading_deg=heading_deg)
 
 
 def _check_extent(place_m: np.ndarray) -> None:
@@ -342,13 +346,14 @@ class FixPoses:
     2 s: 2.22 m
     """
 
-    def __init__(self, *, datum: Datum | None = None, antenna_m=(0.0, 0.0, 0.0),
-                 with_attitude: bool = True, max_gap_s: float = 0.2, jump_m: float = 0.05):
+    def __init__(self, *, datum: Datum | None = None, antenna_m: ArrayLike = (0.0, 0.0, 0.0),
+                 with_attitude: bool = True, max_gap_s: float = 0.2, jump_m: float = 0.05) -> None:
         self.datum = datum
         self._antenna_m = np.asarray(antenna_m, np.float64)
         self._with_attitude = with_attitude
         self._fixes: collections.deque[Fix] = collections.deque(maxlen=CAPACITY)
-        self._attitudes: collections.deque[tuple[int, tuple]] = collections.deque(maxlen=CAPACITY)
+        self._attitudes: collections.deque[tuple[int, tuple[float, ...]]] = collections.deque(
+            maxlen=CAPACITY)
         self._track = PoseTrack(max_gap_s=max_gap_s, jump_m=jump_m)  # of the antenna
         self._fix_stamps: collections.deque[int] = collections.deque(maxlen=REACH)
         self.n_unused = 0
@@ -358,7 +363,8 @@ class FixPoses:
         self._fixes.append(fix)
         return self.take()
 
-    def add_attitude(self, stamp_ns: int, quaternion) -> list[FramePose]:
+    def add_attitude(self, stamp_ns: int, quaternion: Sequence[float] | np.ndarray
+                     ) -> list[FramePose]:
         """Add an attitude; returns poses where the fixes behind it came already.
 
         Parameters
@@ -368,11 +374,11 @@ class FixPoses:
         quaternion : (4,) array_like
             x, y, z, w: turns body vectors (x forward, y left, z up) into east, north, up.
         """
-        quaternion = tuple(float(v) for v in quaternion)
-        if not abs(math.hypot(*quaternion) - 1) <= _NORM_TOLERANCE:  # NaN as well
+        rotation = tuple(float(v) for v in quaternion)
+        if not abs(math.hypot(*rotation) - 1) <= _NORM_TOLERANCE:  # NaN as well
             self.n_unused += 1
             return []
-        self._attitudes.append((stamp_ns, quaternion))
+        self._attitudes.append((stamp_ns, rotation))
         behind = self._fix_stamps[0] if len(self._fix_stamps) == REACH else stamp_ns
         return self._rotated() if stamp_ns < behind else []
 
@@ -404,7 +410,7 @@ class FixPoses:
         self._attitudes.clear()
         self._attitudes.extend(waiting[i] for i in wait)
         # Sensors of attitude begin before satellites are found: those are no loss.
-        before = np.count_nonzero(places.status == PoseStatus.BEFORE)
+        before = int(np.count_nonzero(places.status == PoseStatus.BEFORE))
         self.n_unused += len(waiting) - len(ready) - len(wait) - before
         if not ready.size:
             return []

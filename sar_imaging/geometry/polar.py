@@ -8,6 +8,7 @@ import dataclasses
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .grids import MapGrid
 
@@ -72,7 +73,7 @@ class PolarGrid:
     alpha_spacing: float
     n_alpha: int
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         numbers = (*self.origin_m, *self.track, self.z_m, self.range_start_m,
                    self.range_spacing_m, self.alpha_start, self.alpha_spacing)
         if not all(map(math.isfinite, numbers)):
@@ -119,7 +120,7 @@ class PolarGrid:
         """Image shape ``(n_alpha, n_range)``."""
         return (self.n_alpha, self.n_range)
 
-    def positions(self, row, column) -> np.ndarray:
+    def positions(self, row: ArrayLike, column: ArrayLike) -> np.ndarray:
         """(..., 3) float64 positions by broadcast numbers of pixels, whole or not, metres."""
         return self.at(self.range_start_m + np.asarray(column) * self.range_spacing_m,
                        self.alpha_start + np.asarray(row) * self.alpha_spacing)
@@ -137,19 +138,19 @@ class PolarGrid:
         """(n_alpha, n_range, 3) float64 positions of all pixels, metres."""
         return self.positions(*np.ogrid[:self.n_alpha, :self.n_range])
 
-    def at(self, range_m, alpha) -> np.ndarray:
+    def at(self, range_m: ArrayLike, alpha: ArrayLike) -> np.ndarray:
         """(..., 3) float64 positions by range, metres, and direction, broadcast together."""
         r, a = np.broadcast_arrays(np.asarray(range_m, float), np.asarray(alpha, float))
         return self._along_and_beside(
             r * a, np.sqrt(r ** 2 * (1 - a ** 2) - self.height_m ** 2)) + [
                 *self.origin_m[:2], self.z_m]
 
-    def _along_and_beside(self, along, beside) -> np.ndarray:
+    def _along_and_beside(self, along: np.ndarray, beside: np.ndarray) -> np.ndarray:
         """(..., 3) vectors along the track and across it."""
         u, v = np.array([*self.track, 0.0]), np.array([*self.across, 0.0])
         return np.multiply.outer(along, u) + np.multiply.outer(beside, v)
 
-    def lines(self, range_m, alpha) -> tuple[np.ndarray, ...]:
+    def lines(self, range_m: ArrayLike, alpha: ArrayLike) -> tuple[np.ndarray, ...]:
         """Positions and their first to fourth derivative by range.
 
         Parameters
@@ -174,7 +175,7 @@ class PolarGrid:
         position = vector(r * a, ground) + [*self.origin_m[:2], self.z_m]
         return position, vector(a, g1), vector(zero, g2), vector(zero, g3), vector(zero, g4)
 
-    def locate(self, pixel, line) -> list[np.ndarray]:
+    def locate(self, pixel: np.ndarray, line: np.ndarray) -> list[np.ndarray]:
         """Positions and their first to third derivative by the pixel number, metres.
 
         (..., 3) float64 each, of numbers of the range and of the direction, broadcast together,
@@ -184,14 +185,14 @@ class PolarGrid:
                                  self.alpha_start + self.alpha_spacing * line)
         return [d * self.range_spacing_m ** order for order, d in enumerate(derivatives[:4])]
 
-    def by_direction(self, range_m, alpha) -> np.ndarray:
+    def by_direction(self, range_m: ArrayLike, alpha: ArrayLike) -> np.ndarray:
         """(..., 3) float64 derivative of the position by alpha, metres."""
         r, a = np.broadcast_arrays(np.asarray(range_m, float), np.asarray(alpha, float))
         ground = np.sqrt(r ** 2 * (1 - a ** 2) - self.height_m ** 2)
         u, v = np.array([*self.track, 0.0]), np.array([*self.across, 0.0])
         return np.multiply.outer(r, u) - np.multiply.outer(r ** 2 * a / ground, v)
 
-    def from_map(self, x_m, y_m) -> tuple[np.ndarray, np.ndarray]:
+    def from_map(self, x_m: ArrayLike, y_m: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Range in metres and direction cosine of positions on the plane."""
         dx, dy = np.asarray(x_m) - self.origin_m[0], np.asarray(y_m) - self.origin_m[1]
         r = np.sqrt(dx ** 2 + dy ** 2 + self.height_m ** 2)
@@ -201,7 +202,7 @@ class PolarGrid:
 EDGE_SAMPLES = 65  # per edge of the map
 
 
-def edge_positions(grid: MapGrid, origin_m, track, axis: int,
+def edge_positions(grid: MapGrid, origin_m: np.ndarray, track: np.ndarray, axis: int,
                    reach_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Ranges and directions of a map's edges.
 

@@ -56,7 +56,7 @@ class Terrain:
     y_m: np.ndarray
     height_m: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in _NAMES:
             value = np.asarray(getattr(self, name))
             if value.dtype.kind not in 'iuf':
@@ -86,7 +86,7 @@ class Terrain:
         """
         if not os.path.lexists(path):
             raise ValueError(f'terrain {path} does not exist')
-        with reading(path, 'terrain'), open_npz(path) as arrays:
+        with reading(path, 'terrain'), open_npz(pathlib.Path(path)) as arrays:
             missing = [name for name in _NAMES if name not in arrays.names]
             if missing:
                 raise ValueError(f'it has no {" and no ".join(missing)}; expected the arrays '
@@ -135,7 +135,7 @@ class Terrain:
         return out
 
 
-def _places(raster_m, wanted_m):
+def _places(raster_m: np.ndarray, wanted_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Index of the raster's point before each wanted one and the share of the next, NaN outside.
 
     Points on the outermost line of the raster belong to it, up to rounding.

@@ -6,25 +6,28 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 _LEAST_LENGTH = 1e-12  # metres
 _LEAST_EXTENT = 1e-6  # of the distance to the scene: a shorter track has no direction
 
 
-def mean_centres(tx_m, rx_m) -> np.ndarray:
+def mean_centres(tx_m: ArrayLike, rx_m: ArrayLike) -> np.ndarray:
     """(P, 3) float64 mean of all phase centres (P, C, 3) of each pulse, metres."""
     return 0.5 * (np.asarray(tx_m) + rx_m).mean(axis=1)
 
 
-def unit_vector(vector) -> np.ndarray:
+def unit_vector(vector: ArrayLike) -> np.ndarray:
     """(D,) float64 vector of length one, or of none where it has none."""
     vector = np.asarray(vector, np.float64)
     return vector / max(math.hypot(*vector), _LEAST_LENGTH)
 
 
-def main_axis(places_m) -> tuple[np.ndarray, np.ndarray]:
+def main_axis(places_m: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Axes of places, (K, D), by their extent, and the extents, metres.
 
     Returns
@@ -39,7 +42,7 @@ def main_axis(places_m) -> tuple[np.ndarray, np.ndarray]:
     return axes, extents
 
 
-def track_beside(centres_m, scene_m) -> tuple[np.ndarray, int]:
+def track_beside(centres_m: np.ndarray, scene_m: ArrayLike) -> tuple[np.ndarray, int]:
     """Horizontal direction of a track and the side on which a scene lies.
 
     Parameters
@@ -65,7 +68,7 @@ def track_beside(centres_m, scene_m) -> tuple[np.ndarray, int]:
     return track, side_of(track, look)
 
 
-def side_of(track, look) -> int:
+def side_of(track: Sequence[float] | np.ndarray, look: Sequence[float] | np.ndarray) -> int:
     """+1 where a horizontal look is to the left of a track, -1 to the right."""
     return 1 if track[0] * look[1] - track[1] * look[0] >= 0 else -1
 
@@ -108,7 +111,7 @@ class StraightTrack:
         pulse = self.first_m + np.arange(self.n_pulses) * self.spacing_m
         return pulse[:, None] + self.offsets_m
 
-    def coordinates(self, points_m) -> tuple[np.ndarray, np.ndarray]:
+    def coordinates(self, points_m: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Position along the line and distance from it.
 
         These are y and x of the paper's slant plane, for points in any plane.
@@ -162,8 +165,8 @@ def fit_straight_track(tx_m: np.ndarray, rx_m: np.ndarray) -> StraightTrack:
     return StraightTrack(origin, direction, spacing, n, offsets)
 
 
-def check_straight(track: StraightTrack, tx_m, rx_m, points_m, *, wavelength_m: float,
-                   tolerance_wavelengths: float) -> None:
+def check_straight(track: StraightTrack, tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray,
+                   *, wavelength_m: float, tolerance_wavelengths: float) -> None:
     """Refuse phase centres that the fitted track describes badly, and say where they are off.
 
     What counts is the two-way path to the points. It differs where a phase centre is off the
@@ -206,7 +209,8 @@ def check_straight(track: StraightTrack, tx_m, rx_m, points_m, *, wavelength_m: 
         f'are {tolerance_wavelengths:.3g}; use backprojection for this track')
 
 
-def path_errors(track: StraightTrack, tx_m, rx_m, points_m) -> np.ndarray:
+def path_errors(track: StraightTrack, tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray
+                ) -> np.ndarray:
     """(P, C, S) float64 two-way paths less those from the fitted track, metres.
 
     Parameters
@@ -225,7 +229,8 @@ _SHARE_FOR_CURVE = 0.25  # of the wanted length that must be known to tell a cur
 _PATTERN = 16  # pulses in which antennas that take turns come round
 
 
-def predict_track(known, tx_m, rx_m, wanted) -> tuple[np.ndarray, np.ndarray]:
+def predict_track(known: Any, tx_m: np.ndarray, rx_m: np.ndarray, wanted: np.ndarray
+                  ) -> tuple[np.ndarray, np.ndarray]:
     """Carry phase centres on, from some pulses to others.
 
     A line, or a parabola once enough is known, through each coordinate of the latest pulses; what
@@ -275,12 +280,12 @@ def predict_track(known, tx_m, rx_m, wanted) -> tuple[np.ndarray, np.ndarray]:
     return tuple(np.stack([result[:, :half], result[:, half:]]).reshape(shape))
 
 
-def _order(known, wanted) -> int:
+def _order(known: Any, wanted: np.ndarray) -> int:
     if len(known) == 1:
         return 0
     enough = np.ptp(known) >= _SHARE_FOR_CURVE * np.ptp(wanted)
     return 2 if enough and len(known) >= _LEAST_FOR_CURVE else 1
 
 
-def _basis(t, order: int) -> np.ndarray:
+def _basis(t: np.ndarray, order: int) -> np.ndarray:
     return np.asarray(t, float)[:, None] ** np.arange(order + 1)

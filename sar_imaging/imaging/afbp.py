@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from tqdm import tqdm
@@ -42,14 +42,15 @@ class Afbp(Method):
     NAME, OWN = AFBP, {'pulses_per_subaperture': None}
     ILLUMINATION = PHASE_HISTORIES = BACKENDS = True
 
-    def plan(self, tx_m, rx_m) -> Report:
+    def plan(self, tx_m: np.ndarray, rx_m: np.ndarray) -> Report:
         """See `Method`."""
         options = self.options
         plan = self._plan = plan_afbp(
-            self.grid, self.radar, self.n_samples, tx_m, rx_m, target_db=options.target_db,
-            compressed=options.compressed, weighting=options.weighting,
-            illumination=self.illumination, **self.own)
-        self._backend, self._stages = backends.backend(options.backend, plan), None
+            cast(Any, self.grid), self.radar, self.n_samples, tx_m, rx_m,
+            target_db=options.target_db, compressed=options.compressed,
+            weighting=options.weighting, illumination=self.illumination, **cast(Any, self.own))
+        self._backend: Any = backends.backend(options.backend, plan)
+        self._stages: Any = None  # made when the first image is
         return self.planned(
             plan, shares_db=error_budget(options.target_db, AFBP_SHARES))
 
@@ -59,7 +60,8 @@ class Afbp(Method):
         name = getattr(self._backend, '__name__', '').rpartition('.')[2]
         return super().uses_device or name == backends.CUDA
 
-    def image(self, block: PulseBlock, onto=None) -> tuple[np.ndarray, Report]:
+    def image(self, block: PulseBlock, onto: np.ndarray | None = None
+              ) -> tuple[np.ndarray, Report]:
         """See `Method`.
 
         Predictions are for scenes that are as bright beyond their edges as within: where they are
@@ -76,7 +78,7 @@ class Afbp(Method):
             block = dataclasses.replace(block, samples=to_host(block.samples))
             return self._image(block, onto)
 
-    def _image(self, block: PulseBlock, onto) -> tuple[np.ndarray, Report]:
+    def _image(self, block: PulseBlock, onto: np.ndarray | None) -> tuple[np.ndarray, Report]:
         plan, backend = self._plan.subapertures, self._backend
         s = plan.sampling
         if block.n_pulses != s.pulses[-1].stop:
@@ -93,13 +95,15 @@ class Afbp(Method):
             samples = onto
         return samples, _judged(self.report, brightness.uneven_db)
 
-    def _together(self, plan: SubaperturePlan, block, weights, brightness):
+    def _together(self, plan: SubaperturePlan, block: PulseBlock, weights: np.ndarray | None,
+                  brightness: EdgeBrightness) -> np.ndarray:
         """Fused polar image by a backend that takes some sub-apertures at a time."""
         if self._stages is None:
             self._stages = self._backend.ApertureFusion(plan)
         return self._stages.polar_image(block, weights, brightness, progress=self.options.progress)
 
-    def _one_by_one(self, plan: SubaperturePlan, block, weights, brightness):
+    def _one_by_one(self, plan: SubaperturePlan, block: PulseBlock, weights: np.ndarray | None,
+                    brightness: EdgeBrightness) -> np.ndarray:
         """Fused polar image, sub-aperture by sub-aperture."""
         if self._stages is None:
             self._stages = (self._backend.SubapertureImager(plan),

@@ -10,12 +10,14 @@ from __future__ import annotations
 import dataclasses
 import inspect
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
 from ..backends import backend
 from ..backends.checks import PATTERN, agrees, make_scene, run_checks
 from ..signal.windows import window
+from .image import Report
 from .imager import Imager, plan_image
 from .methods import Method, method_class
 
@@ -26,7 +28,7 @@ _SHARED = {name for name, p in inspect.signature(plan_image).parameters.items()
            if p.kind is not p.VAR_KEYWORD}
 
 
-def check_method(method: str | type[Method], **options) -> list[str]:
+def check_method(method: str | type[Method], **options: Any) -> list[str]:
     """Check that an imaging method images what it says it can, as well as it says.
 
     Parameters
@@ -93,18 +95,19 @@ class _Trial:
         self._scene, self._shared = scene, {'compressed': False} if history else {}
         self._scale = 1.0 / self.block.n_samples if history else 1.0
 
-    def imager(self, **options) -> Imager:
+    def imager(self, **options: Any) -> Imager:
         """What `plan_image` makes of it."""
         return plan_image(self.grid, self.block.radar, self.block.n_samples, method=self.method,
                           **{'target_db': _TARGETS_DB[0], **self._own, **self._shared, **options})
 
-    def wanted(self, factors=1.0, points_m=None, *, lit: bool = False) -> np.ndarray:
+    def wanted(self, factors: float | np.ndarray = 1.0, points_m: np.ndarray | None = None, *,
+               lit: bool = False) -> np.ndarray:
         """Correlation at the pixels, or at other points, of spectra times factors."""
         points_m = self.grid.points() if points_m is None else points_m
         return self._scene.correlation(points_m, self._scale * factors, illuminated=lit)
 
 
-def _keeps_promise(image, report, wanted) -> str:
+def _keeps_promise(image: np.ndarray, report: Report, wanted: np.ndarray) -> str:
     """Tell how an image agrees with the wanted one, and with the error that is predicted of it."""
     predicted = report.predicted_error_db
     if predicted is None:
@@ -117,7 +120,7 @@ def _keeps_promise(image, report, wanted) -> str:
     return agrees(image, wanted, max(predicted, -140.0) + _PROMISE_DB)
 
 
-def _check_class(method, own) -> str:
+def _check_class(method: type[Method], own: Mapping[str, Any]) -> str:
     """Attributes of the class are what `Method` reads."""
     for name in ('TERRAIN', 'ILLUMINATION', 'PHASE_HISTORIES', 'BACKENDS'):
         if not isinstance(getattr(method, name), bool):
@@ -138,9 +141,10 @@ def _check_class(method, own) -> str:
     return f'{", ".join(can) or "no attribute"} set, options {", ".join(method.OWN) or "none"}'
 
 
-def _check_targets(method, own) -> str:
+def _check_targets(method: type[Method], own: Mapping[str, Any]) -> str:
     """Images at several targets are as good as predicted; a target may be refused."""
-    trial, told = _Trial(method, own), []
+    trial = _Trial(method, own)
+    told: list[str] = []
     wanted, before = trial.wanted(), trial.block.samples.copy()
     for target_db in _TARGETS_DB:
         try:
@@ -162,7 +166,7 @@ def _check_targets(method, own) -> str:
     return '; '.join(told)
 
 
-def _check_bent_track(method, own) -> str:
+def _check_bent_track(method: type[Method], own: Mapping[str, Any]) -> str:
     """The path is that of each pulse and channel; bent tracks may be refused."""
     trial = _Trial(method, own, bent=True)
     try:
@@ -172,7 +176,7 @@ def _check_bent_track(method, own) -> str:
     return _keeps_promise(image.samples, image.report, trial.wanted())
 
 
-def _check_new_places(method, own) -> str:
+def _check_new_places(method: type[Method], own: Mapping[str, Any]) -> str:
     """Pulses from other places than those before are planned anew."""
     trial = _Trial(method, own)
     imager, first = trial.imager(), _N_PULSES // 4
@@ -182,7 +186,7 @@ def _check_new_places(method, own) -> str:
         (np.arange(_N_PULSES) >= first)[:, None, None]))
 
 
-def _check_channels(method, own) -> str:
+def _check_channels(method: type[Method], own: Mapping[str, Any]) -> str:
     """Images of single channels, each with a factor, under a window over the pulses."""
     trial, told = _Trial(method, own), ''
     weights, pulse_window = np.array([1.0, 0.5j]), np.hanning(_N_PULSES) + 0.1
@@ -195,7 +199,7 @@ def _check_channels(method, own) -> str:
     return told
 
 
-def _check_growth(method, own) -> str:
+def _check_growth(method: type[Method], own: Mapping[str, Any]) -> str:
     """Two halves of the pulses add up to the image of all."""
     trial = _Trial(method, own)
     imager = trial.imager()
@@ -205,7 +209,7 @@ def _check_growth(method, own) -> str:
     return _keeps_promise(image.samples, image.report, trial.wanted())
 
 
-def _check_phase_histories(method, own) -> str:
+def _check_phase_histories(method: type[Method], own: Mapping[str, Any]) -> str:
     """Phase histories under a window over the band, with the scale of range compression."""
     if not method.PHASE_HISTORIES:
         return 'not offered: PHASE_HISTORIES is not set'
@@ -220,7 +224,7 @@ def _check_phase_histories(method, own) -> str:
                          'range compression, w_k / sum(w)') from error
 
 
-def _check_terrain(method, own) -> str:
+def _check_terrain(method: type[Method], own: Mapping[str, Any]) -> str:
     """Heights of pixels, of which some are not known."""
     if not method.TERRAIN:
         return 'not offered: TERRAIN is not set'
@@ -235,7 +239,7 @@ def _check_terrain(method, own) -> str:
     return _keeps_promise(image.samples[2:], image.report, trial.wanted(points_m=points[2:]))
 
 
-def _check_illumination(method, own) -> str:
+def _check_illumination(method: type[Method], own: Mapping[str, Any]) -> str:
     """Echoes are weighed by the amplitude with which their antenna sees a pixel."""
     if not method.ILLUMINATION:
         return 'not offered: ILLUMINATION is not set'
@@ -251,20 +255,20 @@ def _check_illumination(method, own) -> str:
 class _Counted:
     """The reference backend, which takes note of the entries that are called."""
 
-    def __init__(self):
-        self.called = set()
+    def __init__(self) -> None:
+        self.called: set[str] = set()
 
-    def __getattr__(self, entry):
+    def __getattr__(self, entry: str) -> Any:
         found = getattr(backend('reference'), entry)
 
-        def noted(*arguments, **options):
+        def noted(*arguments: Any, **options: Any) -> Any:
             self.called.add(entry)
             return found(*arguments, **options)
 
         return noted if callable(found) else found
 
 
-def _check_backends(method, own) -> str:
+def _check_backends(method: type[Method], own: Mapping[str, Any]) -> str:
     """The backend that is asked for computes."""
     if not method.BACKENDS:
         return 'not offered: BACKENDS is not set'
@@ -277,7 +281,7 @@ def _check_backends(method, own) -> str:
 
 
 #: What is checked of a method; each check takes its class and its own options.
-METHOD_CHECKS: Mapping[str, Callable[[type[Method], Mapping], str]] = {
+METHOD_CHECKS: Mapping[str, Callable[[type[Method], Mapping[str, Any]], str]] = {
     'class': _check_class,
     'targets': _check_targets,
     'a bent track': _check_bent_track,

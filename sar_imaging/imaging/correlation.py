@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from ..backends import AUTO, optional_entry
@@ -34,7 +35,7 @@ class Correlation(Method):
 
     NAME, ILLUMINATION, BACKENDS = 'correlation', True, True
 
-    def plan(self, tx_m, rx_m) -> Report:
+    def plan(self, tx_m: np.ndarray, rx_m: np.ndarray) -> Report:
         """See `Method`."""
         return self.describe(predicted_error_db=_ROUNDING_DB)
 
@@ -46,10 +47,10 @@ class Correlation(Method):
         return image.astype(np.complex64).reshape(points.shape[:-1])
 
 
-def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *,
-              propagation_speed_m_per_s: float = SPEED_OF_LIGHT,
-              illumination: Illumination | None = None,
-              backend: str | Backend = AUTO, progress: bool = False):
+def correlate(frequencies_hz: ArrayLike, spectra: ArrayLike, tx_m: np.ndarray, rx_m: np.ndarray,
+              points: ArrayLike, *, propagation_speed_m_per_s: float = SPEED_OF_LIGHT,
+              illumination: Illumination | None = None, backend: str | Backend = AUTO,
+              progress: bool = False) -> np.ndarray | tuple[np.ndarray, ...]:
     """Time-domain correlation (TDC) of spectra with the exact reference of every point.
 
     ``f(x) = sum_m sum_n sum_f S_mn(f) exp(+j 2 pi f tau_mn(x))`` with the two-way delay
@@ -117,8 +118,9 @@ def correlate(frequencies_hz, spectra, tx_m, rx_m, points, *,
     return out.reshape(points.shape[:-1])
 
 
-def correlate_profiles(block: PulseBlock, points, *, illumination: AntennaPattern | None = None,
-                       backend: str | Backend = AUTO) -> tuple[np.ndarray, np.ndarray]:
+def correlate_profiles(block: PulseBlock, points: ArrayLike, *,
+                       illumination: AntennaPattern | None = None, backend: str | Backend = AUTO
+                       ) -> tuple[np.ndarray, np.ndarray]:
     """Time-domain correlation (TDC) of range profiles with the exact reference of every point.
 
     ``f(x) = sum_m sum_n s_mn(tau_mn(x)) exp(+j 2 pi f_c tau_mn(x))``. The profile s is read at the
@@ -183,7 +185,7 @@ def correlate_profiles(block: PulseBlock, points, *, illumination: AntennaPatter
                          f'{radar.bandwidth_hz:g} Hz; sample them at '
                          f'{1 / (1 - _LEAST_SPARE):.2f} times the bandwidth or more')
     sharpness = math.asinh(10 ** (-_SERIES_ERROR_DB / 20))
-    lit = ()
+    lit: tuple[Illumination, ...] = ()
     if illumination is not None:
         lit = Illumination.of_pulses(illumination, block.pointing, block.tx_m, block.rx_m),
     pulses = (np.ascontiguousarray(a) for a in (block.samples, block.tx_m, block.rx_m))
@@ -191,7 +193,8 @@ def correlate_profiles(block: PulseBlock, points, *, illumination: AntennaPatter
         radar, *pulses, points, math.ceil(sharpness / np.pi / spare), sharpness, *lit)
 
 
-def _check(frequencies, spectra, tx, rx, points):
+def _check(frequencies: np.ndarray, spectra: np.ndarray, tx: np.ndarray, rx: np.ndarray,
+           points: np.ndarray) -> None:
     if spectra.ndim != 3 or spectra.shape[-1] != len(frequencies):
         raise ValueError(f'spectra.shape={spectra.shape} does not match '
                          f'{len(frequencies)} frequencies; expected (pulses, channels, K)')

@@ -13,7 +13,7 @@ channel is read at its own delay, which needs no approximation.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -42,7 +42,7 @@ class Exact(Method):
 
     NAME, TERRAIN, ILLUMINATION, BACKENDS = EXACT, True, True, True
 
-    def __init__(self, *arguments, **options):
+    def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         radar, target_db = self.radar, self.options.target_db
         if radar.sample_rate_hz < 1.25 * radar.bandwidth_hz:
@@ -58,7 +58,7 @@ class Exact(Method):
         self._backend = backends.backend(self.options.backend)
         self._sum: Backprojection | None = None
 
-    def plan(self, tx_m, rx_m) -> Report:
+    def plan(self, tx_m: np.ndarray, rx_m: np.ndarray) -> Report:
         """See `Method`; memory serves plans in turn."""
         if not tx_m.size or isinstance(self._pixels, ImagePoints) and self._pixels.empty:
             self._sum = None
@@ -72,7 +72,7 @@ class Exact(Method):
                 raise
             self._sum = None  # a part of a stripmap that lights nothing of the grid
             return self.describe()
-        before = self._sum or self.like and self.like._sum
+        before = self._sum or getattr(self.like, '_sum', None)
         self._sum = self._backend.Backprojection(plan, before and before.memory)
         return self.planned(
             plan, shares_db=error_budget(self.options.target_db, EXACT_SHARES),
@@ -83,7 +83,8 @@ class Exact(Method):
         """See `Method`; of 'auto', what its plan was given to."""
         return super().uses_device or getattr(self._sum, 'name', '') == backends.CUDA
 
-    def image(self, block: PulseBlock, onto=None) -> tuple[np.ndarray, Report]:
+    def image(self, block: PulseBlock, onto: np.ndarray | None = None
+              ) -> tuple[np.ndarray, Report]:
         """See `Method`; takes no memory for another image."""
         check_profiles(block, self.radar, self.n_samples)
         onto = zeros_beside(self.grid.shape, block.samples) if onto is None else onto

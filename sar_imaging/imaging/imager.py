@@ -8,10 +8,11 @@ import dataclasses
 import functools
 import logging
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..backends import AUTO, CUDA, DeviceError
 from ..backends.samples import check_device_arrays, compress
@@ -49,18 +50,21 @@ class Channels:
         The weights are no finite numbers.
     """
 
-    def __init__(self, weights=None, per_channel: bool = False, midpoint: bool = False):
+    def __init__(self, weights: ArrayLike | None = None, per_channel: bool = False,
+                 midpoint: bool = False) -> None:
         self._weights = None if weights is None else np.asarray(weights, np.complex64)
         if self._weights is not None and (self._weights.ndim != 1
                                           or not np.isfinite(self._weights).all()):
-            raise ValueError(f'weights={weights}; expected one finite complex number per channel')
+            raise ValueError(f'weights={weights!s}; expected one finite complex number per '
+                             'channel')
         self.per_channel, self.midpoint = per_channel, midpoint
 
     def shape(self, shape: tuple[int, ...], n_channels: int) -> tuple[int, ...]:
         """Of the image: that of one channel, or of all, one after the other."""
         return (n_channels, *shape) if self.per_channel else shape
 
-    def centres(self, tx_m, rx_m) -> tuple[np.ndarray, np.ndarray]:
+    def centres(self, tx_m: np.ndarray | None, rx_m: np.ndarray | None
+                ) -> tuple[np.ndarray, np.ndarray]:
         """Phase centres as the image takes them, metres."""
         return (0.5 * (tx_m + rx_m),) * 2 if self.midpoint and tx_m is not None else (tx_m, rx_m)
 
@@ -94,12 +98,14 @@ _WORTH_PLANNING_S = 0.1  # that planning AFBP takes (measured: 0.03 to 0.3 s)
 
 
 def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
-               tx_m=None, rx_m=None, *, method: str | type[Method] = AUTO,
-               target_db: float = -60.0, height_m=None, weights=None, per_channel: bool = False,
-               midpoint: bool = False, compressed: bool = True, weighting: str = 'none',
-               pulse_weights=None, illumination: AntennaPattern | None = None,
-               pointing: Pointing | None = None, backend: str | Backend = AUTO,
-               progress: bool = False, **own) -> Imager:
+               tx_m: ArrayLike | None = None, rx_m: ArrayLike | None = None, *,
+               method: str | type[Method] = AUTO, target_db: float = -60.0,
+               height_m: ArrayLike | None = None, weights: ArrayLike | None = None,
+               per_channel: bool = False, midpoint: bool = False, compressed: bool = True,
+               weighting: str = 'none', pulse_weights: ArrayLike | None = None,
+               illumination: AntennaPattern | None = None, pointing: Pointing | None = None,
+               backend: str | Backend = AUTO, progress: bool = False, **own: Mapping[str, Any]
+               ) -> Imager:
     """Plan how pulses of a radar become images on a grid.
 
     Parameters
@@ -179,8 +185,8 @@ def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
     >>> image.shape, image.report.method, bool(image.report.predicted_error_db < -60)
     ((24, 24), 'exact', True)
     """
-    options = Options(float(target_db), compressed, weighting, pulse_weights, backend, progress,
-                      illumination)
+    options = Options(float(target_db), compressed, weighting, cast(Any, pulse_weights), backend,
+                      progress, illumination)
     imager = Imager(as_grid(grid, height_m), radar, n_samples, method, options,
                     Channels(weights, per_channel, midpoint), own)
     if tx_m is not None:
@@ -228,7 +234,8 @@ class Imager:
         self.grid, self.radar, self.n_samples = grid, radar, int(n_samples)
         self._asked = None if method == AUTO else method_class(method)
         self.method = AUTO if self._asked is None else self._asked.NAME
-        self.report, self._told = None, set()
+        self.report: Report | None = None
+        self._told: set[str] = set()
         self._options, self._channels, self._own = options, channels, own
         self._check_memory(grid.shape)
         # Of each channel, or of all at 0; made now, to refuse what it cannot do.
@@ -267,7 +274,7 @@ class Imager:
         self._told.update(image.report.warnings)
         return image
 
-    def new_image(self, n_channels: int = 1, like=None) -> Image:
+    def new_image(self, n_channels: int = 1, like: np.ndarray | None = None) -> Image:
         """Image without pulses, for `accumulate` of blocks of this number of channels.
 
         It lies on the device where the array `like` lies there, in the host's memory otherwise.
@@ -310,7 +317,7 @@ class Imager:
                                   first=not image.n_pulses and number == 0)
         self._count(block, image)
 
-    def plan(self, tx_m, rx_m, pointing: Pointing | None = None) -> Report:
+    def plan(self, tx_m: ArrayLike, rx_m: ArrayLike, pointing: Pointing | None = None) -> Report:
         """Choose the method and plan for pulses from some phase centres, (P, C, 3), metres.
 
         `pointing` tells where the antenna looks at them, for images with illumination.
@@ -360,7 +367,8 @@ class Imager:
                 f'{missed_db:.1f} dB: the surroundings are bright')
         return self._image(planned, block, onto)
 
-    def _formed_there(self, number: int, block: PulseBlock, onto) -> tuple[np.ndarray, Report]:
+    def _formed_there(self, number: int, block: PulseBlock, onto: np.ndarray | None
+                      ) -> tuple[np.ndarray, Report]:
         """The same on the device where the samples or the image lie, and here where it fails."""
         try:
             return self._there._formed(number, block, onto)
@@ -377,7 +385,7 @@ class Imager:
         return Imager(self.grid, self.radar, self.n_samples, self._asked or AUTO,
                       dataclasses.replace(self._options, backend=CUDA), self._channels, self._own)
 
-    def _planned(self, number: int, *where) -> Method:
+    def _planned(self, number: int, *where: Any) -> Method:
         """The method for some phase centres and directions; that of the latest ones is kept."""
         latest = self._latest.get(number)
         if latest is not None and latest.is_for(*where):
@@ -390,7 +398,7 @@ class Imager:
         chosen.report = dataclasses.replace(chosen.report, reason=reason)
         return chosen
 
-    def _quicker(self, exact: Method, where) -> tuple[Method | None, str]:
+    def _quicker(self, exact: Method, where: Sequence[Any]) -> tuple[Method | None, str]:
         """AFBP, where it meets the target in less time than exact backprojection, or why not."""
         seconds = exact.report.seconds
         if not isinstance(self.grid, MapGrid | PolarGrid):
@@ -403,14 +411,15 @@ class Imager:
             afbp.replan(tx_m, rx_m, '', pointing)
         except (ValueError, MemoryError) as error:
             return None, f'AFBP is not possible: {error}'
-        if doubts := afbp.report.plan.subapertures.warnings:
+        if doubts := cast(Any, afbp.report.plan).subapertures.warnings:
             return None, f'AFBP may miss the target: {"; ".join(doubts)}'
         if afbp.report.seconds + _WORTH_PLANNING_S >= seconds:
             return None, f'AFBP would take {afbp.report.seconds:.2g} s, this {seconds:.2g} s'
         return afbp, (f'meets the target in {afbp.report.seconds:.2g} s, exact backprojection '
                       f'takes {seconds:.2g} s')
 
-    def _plan_anew(self, number: int, method: type[Method], where, reason: str) -> Method:
+    def _plan_anew(self, number: int, method: type[Method], where: Sequence[Any], reason: str
+                   ) -> Method:
         latest = self._latest.get(number)
         if latest is None or type(latest) is not method:
             latest = self._latest[number] = self._make(method)
@@ -443,7 +452,8 @@ class Imager:
                 _logger.warning(f'{error}; the processor computes')
         return compress(self._compressor, raw, planned.options.backend)
 
-    def _image(self, planned: Method, block: PulseBlock, onto=None) -> tuple[np.ndarray, Report]:
+    def _image(self, planned: Method, block: PulseBlock, onto: np.ndarray | None = None
+               ) -> tuple[np.ndarray, Report]:
         """Image of a block by a method, which may want range profiles."""
         if planned.options.compressed and not self._options.compressed:
             raw, block = block, self._profiles(planned, block)

@@ -11,7 +11,7 @@ import dataclasses
 import importlib
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from ..device_arrays import beside
 from ..geometry.grids import Grid, TerrainGrid
 from ..geometry.illumination import AntennaPattern, Illumination, Pointing
 from ..memory import IMAGE_BYTES, check_memory
-from ..planning.plan import Plan
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters, Waveform
 from .image import Report
@@ -127,9 +126,11 @@ class Method:
                              f'it has {", ".join(self.OWN) or "none of its own"}')
         self.grid, self.radar, self.n_samples = grid, radar, n_samples
         self.options, self.own, self.like = options, {**self.OWN, **(own or {})}, like
-        self._centres = self._pointing = self.illumination = None
+        self._centres: tuple[np.ndarray, np.ndarray] | None = None
+        self._pointing: Pointing | None = None
+        self.illumination: Illumination | None = None
         # The imager has seen to the image itself.
-        self._fitting_bytes = (IMAGE_BYTES * math.prod(grid.shape) if like is None
+        self._fitting_bytes: int = (IMAGE_BYTES * math.prod(grid.shape) if like is None
                                else like._fitting_bytes)
 
     def plan(self, tx_m: np.ndarray, rx_m: np.ndarray) -> Report:
@@ -162,7 +163,8 @@ class Method:
         ValueError
             Pixels are lit by a pattern, and nobody tells where the antenna looked.
         """
-        pattern, self.illumination = self.options.illumination, None
+        pattern = self.options.illumination
+        self.illumination = None
         if pattern is not None:
             self.illumination = Illumination.of_pulses(pattern, pointing, tx_m, rx_m)
         self._pointing = pointing
@@ -208,7 +210,7 @@ class Method:
         return block if weights is None else dataclasses.replace(
             block, samples=block.samples * beside(weights[:, None, None], block.samples))
 
-    def describe(self, **known) -> Report:
+    def describe(self, **known: Any) -> Report:
         """Report with the name of the method, the target, and what is known besides.
 
         Raises
@@ -224,7 +226,7 @@ class Method:
             self._fitting_bytes = report.n_bytes
         return report
 
-    def planned(self, plan: Plan, **known) -> Report:
+    def planned(self, plan: Any, **known: Any) -> Report:
         """Report of what a plan knows."""
         return self.describe(**{
             'predicted_error_db': plan.predicted_error_db, 'errors_db': {

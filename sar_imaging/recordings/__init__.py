@@ -9,6 +9,7 @@ driver, by their description, whose keys docs/loading.md lists; `read_recording`
 """
 
 import importlib
+from typing import Any
 
 # Imported when they are used first: the node of a radar's driver needs no reader of files.
 _HOMES = {'BagError': 'bag_io', 'DescriptionError': 'description', 'Loaded': 'arrays',
@@ -21,11 +22,11 @@ _HOMES = {'BagError': 'bag_io', 'DescriptionError': 'description', 'Loaded': 'ar
 __all__ = list(_HOMES)
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     return getattr(importlib.import_module(f'.{_HOMES[name]}', __name__), name)
 
 
-def __dir__():
+def __dir__() -> list[str]:
     return sorted([*globals(), *__all__])

@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -105,7 +106,7 @@ class Loaded:
     mount: Mount | None = None
 
 
-def truth_of(loaded: Loaded, alignment: Alignment | None) -> dict:
+def truth_of(loaded: Loaded, alignment: Alignment | None) -> dict[str, Any]:
     """Truth of a recording of these data, with the alignment to image them with."""
     scene, block = loaded.scene, loaded.block
     return make_truth(
@@ -340,7 +341,7 @@ def _choose(top: Section, pulses: PulseBlock
     section = top.section('times', times.KEYS)
     wanted = times.used_pulses(section, pulses.stamp_ns)
     used = wanted & [bool(np.isfinite(samples).all()) for samples in pulses.samples]
-    warnings = ()
+    warnings: tuple[str, ...] = ()
     if n_lost := int(wanted.sum() - used.sum()):
         text = f'{n_lost} of {wanted.sum()} pulses hold NaN or infinity'
         if used.sum() < 2:

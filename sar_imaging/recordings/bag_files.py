@@ -22,7 +22,7 @@ import urllib.parse
 import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from ..files import check_file
 from ..formats.extras import require
@@ -70,7 +70,7 @@ def check_bag(path: Path) -> None:
                 _check_packed_messages(file, status.st_size, status.st_mtime_ns)
 
 
-def checked(messages: Iterable[tuple]) -> Iterator[tuple]:
+def checked(messages: Iterable[tuple[Any, ...]]) -> Iterator[tuple[Any, ...]]:
     """Messages of a library's reader, which a damaged database may give other times and contents.
 
     Raises
@@ -187,7 +187,7 @@ def _damaged_chunk(path: Path, start: int, size: int) -> ValueError:
 
 def _expanded(compression: bytes, data: bytes, most: int) -> int:
     """Bytes that some expand to; more than `most` where it would be more, or others follow."""
-    from rosbags.rosbag2.storage_mcap import zstd
+    from rosbags.rosbag2.storage_mcap import zstd  # type: ignore[attr-defined]
 
     if compression == b'lz4':  # rosbags depends on it
         decompressor = require('lz4.frame', 'reading this bag').LZ4FrameDecompressor()
@@ -214,7 +214,7 @@ def _check_sqlite(path: Path, *_: int) -> None:
 @functools.lru_cache(maxsize=64)
 def _check_packed(path: Path, n_bytes: int, _: int) -> None:
     """Refuse a file of a bag that expands without measure."""
-    from rosbags.rosbag2.storage_mcap import zstd
+    from rosbags.rosbag2.storage_mcap import zstd  # type: ignore[attr-defined]
 
     expanded = 0
     with zstd.open(path, 'rb') as file:

@@ -19,6 +19,7 @@ import operator
 import os
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -98,7 +99,7 @@ class BagError(RuntimeError):
     """
 
 
-def _rosbag2():
+def _rosbag2() -> Any:
     """Module rosbags.rosbag2; a robot may do without it."""
     try:
         from rosbags import rosbag2
@@ -110,7 +111,7 @@ def _rosbag2():
 
 
 @functools.cache
-def message_types():
+def message_types() -> Any:
     """Message types of ROS 2 Jazzy, a type store of rosbags."""
     _rosbag2()  # tells where it is missing
     from rosbags.typesys import Stores, get_typestore
@@ -137,7 +138,7 @@ def deserialise(cdr: bytes) -> PulseBlock:
     return from_array(message.data, dims, message.layout.data_offset)
 
 
-def write_bag(path: Path | str, blocks: Iterable[PulseBlock], truth: dict, *,
+def write_bag(path: Path | str, blocks: Iterable[PulseBlock], truth: dict[str, Any], *,
               overwrite: bool = False, poses: PoseTable | None = None) -> int:
     """Write a recording (rosbag2), all of it or nothing.
 
@@ -202,7 +203,7 @@ def check_target(path: Path, *, overwrite: bool) -> None:
     files.check_target(path, folder=True)
 
 
-def _write(path: Path, blocks: Iterable[PulseBlock], truth: dict,
+def _write(path: Path, blocks: Iterable[PulseBlock], truth: dict[str, Any],
            poses: PoseTable | None) -> int:
     rosbag2 = _rosbag2()
     with rosbag2.Writer(path, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
@@ -224,7 +225,7 @@ def _write(path: Path, blocks: Iterable[PulseBlock], truth: dict,
 
 @contextlib.contextmanager
 def reading_bag(path: Path, trouble: str,
-                reader: Callable[[Path], contextlib.AbstractContextManager]) -> Iterator:
+                reader: Callable[[Path], contextlib.AbstractContextManager[Any]]) -> Iterator[Any]:
     """Reader of a bag that was looked through before, opened; what fails is a `BagError`."""
     with naming(path, trouble, BagError):
         check_bag(path)
@@ -233,7 +234,7 @@ def reading_bag(path: Path, trouble: str,
 
 
 @contextlib.contextmanager
-def _opened(path: Path | str) -> Iterator:
+def _opened(path: Path | str) -> Iterator[Any]:
     path, rosbag2 = Path(path), _rosbag2()
     if not (path / 'metadata.yaml').is_file():
         raise BagError(f'{path} is not a rosbag2 recording: it has no metadata.yaml')
@@ -342,7 +343,7 @@ def read_blocks(path: Path | str) -> Iterator[PulseBlock]:
         yield block
 
 
-def read_truth(path: Path | str) -> dict | None:
+def read_truth(path: Path | str) -> dict[str, Any] | None:
     """Read the truth stored with a recording; None when it has none.
 
     Parameters

@@ -17,8 +17,9 @@ import functools
 import itertools
 import struct
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.io import loadmat, whosmat
@@ -236,7 +237,7 @@ def read_variable(path: Path, name: str) -> np.ndarray:
     return array
 
 
-def _data_sets(group, h5py, deeper: int = 3) -> Iterator[str]:
+def _data_sets(group: Any, h5py: Any, deeper: int = 3) -> Iterator[str]:
     """Names of the data sets of a group, and of some levels below."""
     for key in group:
         if isinstance(group.get(key, getlink=True), h5py.HardLink):
@@ -246,7 +247,7 @@ def _data_sets(group, h5py, deeper: int = 3) -> Iterator[str]:
                 yield from (f'{key}.{name}' for name in _data_sets(item, h5py, deeper - 1))
 
 
-def _absent(path: Path, name: str, present) -> DescriptionError:
+def _absent(path: Path, name: str, present: Iterable[str]) -> DescriptionError:
     return DescriptionError(f'{path.name} has no variable {name}; it has '
                             f'{", ".join(sorted(present)) or "none"}')
 

@@ -13,6 +13,7 @@ import dataclasses
 import importlib.resources
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -80,7 +81,7 @@ class Section:
         return Section(dataclasses.replace(self._value, content=merged), tuple(merged),
                        self._variable)
 
-    def raw(self, key: str, default=_REQUIRED, meaning: str = ''):
+    def raw(self, key: str, default: Any = _REQUIRED, meaning: str = '') -> Any:
         """Value as YAML has it."""
         if key in self:
             return self._value.content[key]
@@ -94,14 +95,14 @@ class Section:
         """What to raise for a value that is not as expected."""
         return self._value.below(key).error(expected, advice)
 
-    def text(self, key: str, default=_REQUIRED) -> str:
+    def text(self, key: str, default: Any = _REQUIRED) -> str:
         """A text."""
         value = self.raw(key, default)
         if value is not default and not isinstance(value, str):
             raise self.error(key, 'a text', 'put it in quotes')
         return value
 
-    def choice(self, key: str, options, default=_REQUIRED) -> str:
+    def choice(self, key: str, options: Sequence[str], default: Any = _REQUIRED) -> str:
         """One of some words."""
         value = self.raw(key, default, f'one of {", ".join(options)}')
         return value if value is default else self._value.below(key).choice(options)
@@ -110,7 +111,7 @@ class Section:
         """True or false; false where it is not given."""
         return key in self and self._value.below(key).flag()
 
-    def array(self, key: str, default=_REQUIRED) -> np.ndarray:
+    def array(self, key: str, default: Any = _REQUIRED) -> np.ndarray:
         """Numbers, or a variable that holds them, as a float64 array of any shape."""
         value = self.raw(key, default)
         if value is default:
@@ -140,7 +141,7 @@ class Section:
             raise self.error(key, 'numbers, or the name of a variable that holds them',
                              str(error)) from error
 
-    def number(self, key: str, default=_REQUIRED) -> float:
+    def number(self, key: str, default: Any = _REQUIRED) -> float:
         """One number."""
         value = self.array(key, default)
         if value is default:
@@ -149,7 +150,7 @@ class Section:
             raise self.error(key, 'one number', f'it holds {value.size}')
         return float(value.reshape(-1)[0])
 
-    def integer(self, key: str, default=_REQUIRED, *, least: int = 1) -> int:
+    def integer(self, key: str, default: Any = _REQUIRED, *, least: int = 1) -> int:
         """A whole number, at least `least`."""
         value = self.number(key, default)
         if value is default:
@@ -158,7 +159,7 @@ class Section:
             raise self.error(key, f'a whole number of at least {least}')
         return int(value)
 
-    def vectors(self, key: str, default=_REQUIRED, *, size: int = 3) -> np.ndarray:
+    def vectors(self, key: str, default: Any = _REQUIRED, *, size: int = 3) -> np.ndarray:
         """(N, size) float64 array; a single vector is one row."""
         value = self.array(key, default)
         if value is default:
@@ -169,7 +170,7 @@ class Section:
                              else f'{size} numbers', f'its shape is {value.shape}')
         return out
 
-    def vector(self, key: str, default=_REQUIRED, *, size: int = 3) -> np.ndarray:
+    def vector(self, key: str, default: Any = _REQUIRED, *, size: int = 3) -> np.ndarray:
         """(size,) float64 array."""
         value = self.vectors(key, default, size=size)
         if value is default:
@@ -178,7 +179,7 @@ class Section:
             raise self.error(key, f'one vector of {size} numbers', f'it holds {len(value)}')
         return value[0]
 
-    def section(self, key: str, known) -> Section:
+    def section(self, key: str, known: Sequence[str]) -> Section:
         """Part below a key; without keys where it is absent."""
         value = self._value.below(key)
         return Section(value if key in self else dataclasses.replace(value, content={}), known,
@@ -241,7 +242,7 @@ def read_description(path: Path | str, changes: Mapping[str, object] | None = No
     return Section(Value(Path(path).name, '', tree, DescriptionError), SECTIONS)
 
 
-def _change(tree, path: str, value) -> None:
+def _change(tree: Any, path: str, value: Any) -> None:
     *parents, last = path.split('.')
     for parent in parents:
         tree = tree.setdefault(parent, {}) if isinstance(tree, dict) else None

@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
@@ -21,7 +22,7 @@ from .frames import FrameError
 
 
 @contextlib.contextmanager
-def open_bag(path: Path) -> Iterator:
+def open_bag(path: Path) -> Iterator[Any]:
     """Reader of a bag, ROS 1 or 2, opened.
 
     Raises

@@ -14,6 +14,8 @@ import dataclasses
 import itertools
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -207,7 +209,7 @@ class FrameConverter:
         The description makes no sense.
     """
 
-    def __init__(self, top: Section, folder):
+    def __init__(self, top: Section, folder: Path) -> None:
         self._top, self._folder = top, folder
         self._samples = top.section('samples', samples_section.KEYS)
         self._frames = top.section('frames', KEYS)
@@ -219,7 +221,7 @@ class FrameConverter:
         self._conjugate, self._scale = (self._samples.flag('conjugate'),
                                         samples_section.read_scale(self._samples))
         self._told: dict[str, float] = {}
-        self._setup: tuple | None = None
+        self._setup: tuple[Any, ...] | None = None
         self._clock: FrameClock | None = None
         self.statistics = FrameStatistics()
         self.array: VirtualArray | None = None
@@ -326,7 +328,7 @@ class FrameConverter:
             values = values.conj()
         return values if self._scale == 1.0 else values * self._scale
 
-    def _prepare(self, samples: np.ndarray, frame: RawFrame) -> tuple:
+    def _prepare(self, samples: np.ndarray, frame: RawFrame) -> tuple[Any, ...]:
         """Radar, order of the turns, weights of the channels, seconds from chirp to chirp."""
         n_chirps, n_receivers, n_samples = samples.shape
         keys = self._top.section('radar', radar_section.KEYS)

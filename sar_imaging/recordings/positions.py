@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ TO_Z_UP = {'z_up': np.eye(3), 'y_up': np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 
            'ned': np.array([[0, 1.0, 0], [1, 0, 0], [0, 0, -1]])}
 
 
-def read_positions(section: Section, pulse_shape: tuple[int, ...], data) -> np.ndarray:
+def read_positions(section: Section, pulse_shape: tuple[int, ...], data: Any) -> np.ndarray:
     """Positions of a description.
 
     Parameters
@@ -69,7 +70,7 @@ def read_unit(section: Section) -> float:
     return unit_m
 
 
-def _stored(section: Section, key: str, data) -> np.ndarray:
+def _stored(section: Section, key: str, data: Any) -> np.ndarray:
     # float64 before any difference is taken: a range is kilometres and a phase millimetres.
     if key == 'variable':
         position_m = data.real(section.text('variable')).astype(np.float64)

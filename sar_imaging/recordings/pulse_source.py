@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -132,7 +133,7 @@ class PulseSource:
     datum: Datum | None = None
     area_m: np.ndarray | None = None
     grid: MapGrid | None = None
-    scatterers: tuple[dict, ...] = ()
+    scatterers: tuple[dict[str, Any], ...] = ()
     warnings: tuple[str, ...] = ()
     cut_half_width_m: tuple[float, float] | None = None
     collection: Collection = Collection()
@@ -426,7 +427,7 @@ def _geometric(recording: Recording) -> RadarParameters:
     return without_range_bias(recording.radar, recording.alignment)
 
 
-def _half_widths(truth: dict) -> tuple[float, float] | None:
+def _half_widths(truth: dict[str, Any]) -> tuple[float, float] | None:
     told = truth.get('cut_half_width_m')
     return None if told is None else (told['range'], told['azimuth'])
 

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -60,7 +60,8 @@ def read_radar(section: Section, n_samples: int) -> tuple[RadarParameters, bool]
         return radar, compressed
 
 
-def _either(section: Section, keys, default: float | None = None) -> tuple[str, float]:
+def _either(section: Section, keys: Sequence[str], default: float | None = None
+            ) -> tuple[str, float]:
     """The key that is given, and its number."""
     given = [key for key in keys if key in section]
     if len(given) > 1:
@@ -81,7 +82,7 @@ def _sampling(section: Section, speed: float) -> tuple[float, float]:
     return value, 2 * delay / speed if start == 'range_start_m' else delay
 
 
-def _lfm(section: Section, _, speed: float) -> tuple[RadarParameters, bool]:
+def _lfm(section: Section, _: object, speed: float) -> tuple[RadarParameters, bool]:
     rate_hz, delay_s = _sampling(section, speed)
     compressed, bandwidth = section.flag('compressed'), section.number('bandwidth_hz')
     length_s = (section.number('pulse_length_s', 0.0) if compressed
@@ -92,7 +93,7 @@ def _lfm(section: Section, _, speed: float) -> tuple[RadarParameters, bool]:
         -slope if section.flag('falling') else slope, Waveform.LFM, speed), compressed
 
 
-def _passband(section: Section, _, speed: float) -> tuple[RadarParameters, bool]:
+def _passband(section: Section, _: object, speed: float) -> tuple[RadarParameters, bool]:
     rate_hz, delay_s = _sampling(section, speed)
     return RadarParameters(section.number('carrier_hz'), section.number('bandwidth_hz'), rate_hz,
                            delay_s, waveform=Waveform.PASSBAND,

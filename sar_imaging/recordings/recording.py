@@ -8,6 +8,7 @@ import dataclasses
 import functools
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -95,7 +96,7 @@ class Recording:
     """
 
     path: Path
-    truth: dict | None
+    truth: dict[str, Any] | None
     radar: RadarParameters
     n_samples: int
     compressed: bool
@@ -173,7 +174,7 @@ class Recording:
         """
         return self._told('mount', Mount)
 
-    def _told(self, name: str, kind):
+    def _told(self, name: str, kind: Any) -> Any:
         fields = (self.truth or {}).get(name)
         try:
             return None if fields is None else kind.from_dict(fields)

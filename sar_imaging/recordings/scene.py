@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -43,7 +44,7 @@ class Scene:
     """
 
     grid: MapGrid
-    scatterers: list[dict]
+    scatterers: list[dict[str, Any]]
     cut_m: tuple[float, float]
     window: str
     frame: str
@@ -77,7 +78,7 @@ def read_scene(section: Section) -> Scene:
                  section.integer('pulses_per_aperture', None))
 
 
-def _scatterers(section: Section) -> list[dict]:
+def _scatterers(section: Section) -> list[dict[str, Any]]:
     """A variable with positions, or names with [x, y, z] or [x, y, z, dB]."""
     value = section.raw('scatterers', {})
     if isinstance(value, dict):

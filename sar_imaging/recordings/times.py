@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from .description import DescriptionError, Section, of_part
@@ -49,7 +51,8 @@ def is_relative(*times_ns: np.ndarray) -> bool:
                for t in (times.min(), times.max()))
 
 
-def read_times(section: Section, n_pulses: int, variable) -> tuple[np.ndarray, np.ndarray]:
+def read_times(section: Section, n_pulses: int, variable: Callable[[str], np.ndarray]
+               ) -> tuple[np.ndarray, np.ndarray]:
     """Times and counters of the pulses.
 
     Parameters
@@ -93,7 +96,7 @@ def read_times(section: Section, n_pulses: int, variable) -> tuple[np.ndarray, n
             raise section.error('interval_s', 'seconds from pulse to pulse')
         first_s = section.number('first_s', 0.0)
         with of_part('times'):  # refuses what is too late
-            to_nanoseconds([first_s, first_s + interval_s * n_pulses])
+            to_nanoseconds(np.array([first_s, first_s + interval_s * n_pulses]))
         # The first one apart: seconds since 1970 would round the steps to 0.2 microseconds.
         time_ns = (round(first_s * 1e9)
                    + np.rint(np.arange(n_pulses) * (interval_s * 1e9)).astype(np.int64))

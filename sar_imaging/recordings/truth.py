@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -20,11 +21,11 @@ TRUTH_VERSION = 1
 _KINDS = {dict: 'mapping', list: 'list', str: 'text'}
 
 
-def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], grid,
-               pulses_per_aperture: int, n_pulses: int, n_channels: int,
+def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict[str, Any]],
+               grid: MapGrid, pulses_per_aperture: int, n_pulses: int, n_channels: int,
                cut_half_width_m: tuple[float, float], radar: RadarParameters, compressed: bool,
                notes: str = '', window: str = 'none', alignment: Alignment | None = None,
-               frame: str = 'map', datum: Datum | None = None) -> dict:
+               frame: str = 'map', datum: Datum | None = None) -> dict[str, Any]:
     """Describe the scene of a recording, with which its evaluation compares.
 
     Parameters
@@ -85,7 +86,7 @@ def make_truth(*, scenario: str, description: str, scatterers: Iterable[dict], g
         **({} if datum is None else {'datum': dataclasses.asdict(datum)})}
 
 
-def check_truth(truth: dict) -> None:
+def check_truth(truth: dict[str, Any]) -> None:
     """Refuse a truth whose numbers are none, or whose parts are of another kind.
 
     Raises
@@ -120,7 +121,7 @@ def check_truth(truth: dict) -> None:
         Alignment(**truth['alignment'])
 
 
-def antenna_truth(antenna: Antenna | None, mount: Mount | None = None) -> dict:
+def antenna_truth(antenna: Antenna | None, mount: Mount | None = None) -> dict[str, Any]:
     """What the truth of a recording says of the antenna, of JSON types.
 
     Parameters
@@ -134,7 +135,7 @@ def antenna_truth(antenna: Antenna | None, mount: Mount | None = None) -> dict:
         {} if mount is None else {'mount': mount.as_dict()})
 
 
-def radar_to_dict(radar: RadarParameters) -> dict:
+def radar_to_dict(radar: RadarParameters) -> dict[str, Any]:
     """Fields of the radar parameters, the waveform by its name, a speed that is not light's."""
     fields = {name: getattr(radar, name) for name in radar.__dataclass_fields__}
     if radar.propagation_speed_m_per_s == SPEED_OF_LIGHT:  # as in recordings of before

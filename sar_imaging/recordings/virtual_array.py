@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 
@@ -84,7 +85,8 @@ def read_array(section: Section, n_channels: int, n_receivers: int | None = None
                         np.repeat(turn * interval_s, len(rx_m)))
 
 
-def calibration_weights(path, n_channels: int, *, real_samples: bool) -> np.ndarray:
+def calibration_weights(path: Path | str, n_channels: int, *, real_samples: bool
+                        ) -> np.ndarray:
     """(C, 1) complex64 factors that remove the errors of a calibration file from raw samples.
 
     Raises

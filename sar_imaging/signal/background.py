@@ -68,7 +68,8 @@ class BackgroundFilter:
 
     def reset(self) -> None:
         """Forget the average; it begins anew with the next pulse."""
-        self._kind = self._average = None
+        self._kind: tuple[object, ...] | None = None
+        self._average: np.ndarray | None = None
         self._count = self._last_ns = 0
 
     def __call__(self, block: PulseBlock) -> PulseBlock:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from numpy.typing import ArrayLike
 from scipy import fft
 
 from ..files import replacing
@@ -78,7 +79,7 @@ class ChannelCalibration:
     phase_rad: np.ndarray
     delay_s: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = np.atleast_1d(np.asarray(getattr(self, field.name), float))
             object.__setattr__(self, field.name, value)
@@ -179,7 +180,7 @@ class ChannelCalibration:
             raise CalibrationError(f'calibration {path}: {error}') from error
 
 
-def _numbers(values) -> np.ndarray:
+def _numbers(values: ArrayLike) -> np.ndarray:
     if not isinstance(values, list) or any(isinstance(v, bool) for v in values):
         raise ValueError('expected lists of numbers, one per channel')
     try:

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
@@ -14,22 +16,25 @@ class HeldSamples(NDArrayOperatorsMixin):
     They give arrays; ``held /= n`` and ``held[i] = n`` change the samples in place.
     """
 
+    samples: np.ndarray
+
     __hash__ = object.__hash__  # each is itself, whatever == says of its samples
 
-    def __array__(self, dtype=None, copy=None) -> np.ndarray:
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         return np.array(self.samples, dtype=dtype, copy=bool(copy) or (
             dtype is not None and np.dtype(dtype) != self.samples.dtype))
 
-    def __array_ufunc__(self, ufunc, method, *inputs, out=None, **options):
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, out: Any = None,
+                        **options: Any) -> Any:
         if out is not None:
             options['out'] = tuple(map(_samples, out))
         result = getattr(ufunc, method)(*map(_samples, inputs), **options)
         return result if out is None else out[0] if len(out) == 1 else out
 
-    def __getitem__(self, index):
+    def __getitem__(self, index: Any) -> Any:
         return self.samples[index]
 
-    def __setitem__(self, index, value):
+    def __setitem__(self, index: Any, value: Any) -> None:
         self.samples[index] = _samples(value)
 
     def __len__(self) -> int:
@@ -66,5 +71,5 @@ class HeldSamples(NDArrayOperatorsMixin):
         return self.samples.imag
 
 
-def _samples(value):
+def _samples(value: Any) -> Any:
     return value.samples if isinstance(value, HeldSamples) else value

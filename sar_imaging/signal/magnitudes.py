@@ -60,8 +60,8 @@ _RADAR = Device(CARRIER, BANDWIDTH, SAMPLE_RATE, DELAY, SLOPE)
 _OF_SOUND = (('kHz', 1e3), ('MHz', 1e6), ('GHz', 1e9))
 # Sub-bottom profilers to acoustic microscopes; the farthest echo crosses 100 km of sea.
 _SONAR = Device(
-    *(Magnitude(least, most, 'Hz', _OF_SOUND)
-      for least, most in ((1e2, 1e10), (10.0, 1e10), (10.0, 1e11))),
+    Magnitude(1e2, 1e10, 'Hz', _OF_SOUND), Magnitude(10.0, 1e10, 'Hz', _OF_SOUND),
+    Magnitude(10.0, 1e11, 'Hz', _OF_SOUND),
     Magnitude(0.0, 150.0, 's', (('ms', 1e-3), ('us', 1e-6), ('ns', 1e-9))),
     Magnitude(1.0, 1e18, 'Hz/s', (('kHz/ms', 1e6), ('MHz/us', 1e12), ('kHz/s', 1e3))))
 

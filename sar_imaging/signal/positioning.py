@@ -6,9 +6,11 @@ from __future__ import annotations
 
 import collections
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..geometry.alignment import Alignment
 from ..geometry.antenna import Mount
@@ -250,8 +252,8 @@ class Positioner(EventSource):
     """
 
     def __init__(self, track: PoseTrack, alignment: Alignment, *, pulses_per_aperture: int,
-                 wait_s: float = 1.0, max_waiting_pulses: int = 16_384, channel_offset_s=(0.0,),
-                 mount: Mount | None = None):
+                 wait_s: float = 1.0, max_waiting_pulses: int = 16_384,
+                 channel_offset_s: ArrayLike = (0.0,), mount: Mount | None = None) -> None:
         super().__init__()
         self.track, self._alignment, self._mount = track, alignment, mount
         offset_ns = np.rint(np.asarray(channel_offset_s, float) * 1e9).astype(np.int64)
@@ -272,7 +274,8 @@ class Positioner(EventSource):
         """Pulses that wait for their poses."""
         return self._n_waiting
 
-    def add_pose(self, stamp_ns: int, position_m, quaternion) -> list[PulseBlock]:
+    def add_pose(self, stamp_ns: int, position_m: np.ndarray,
+                 quaternion: Sequence[float] | np.ndarray) -> list[PulseBlock]:
         """Take a pose; see `PoseTrack.add`.
 
         Returns
@@ -339,7 +342,7 @@ class Positioner(EventSource):
         self.statistics.reset += dropped
         return dropped
 
-    def _decide(self, is_final) -> list[PulseBlock]:
+    def _decide(self, is_final: Callable[..., Any]) -> list[PulseBlock]:
         out = []
         while self._waiting:
             block, since = self._waiting[0]
@@ -418,7 +421,7 @@ class Positioner(EventSource):
                 self.statistics.pose_outliers += departure.n_poses
             self._report('pose_jump' if departure.jump else 'pose_outlier', str(departure))
 
-    def _count_pose(self, verdict: PoseVerdict, stamp_ns: int, before) -> None:
+    def _count_pose(self, verdict: PoseVerdict, stamp_ns: int, before: Any) -> None:
         s = self.statistics
         s.poses += 1
         after_s = (stamp_ns - before[1]) * 1e-9 if before else 0.0

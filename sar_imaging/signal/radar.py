@@ -9,7 +9,7 @@ import enum
 import math
 
 from . import magnitudes
-from .magnitudes import SPEED_OF_LIGHT, check_magnitude
+from .magnitudes import SPEED_OF_LIGHT as SPEED_OF_LIGHT, check_magnitude
 
 
 class Waveform(enum.IntEnum):
@@ -118,7 +118,7 @@ class RadarParameters:
     waveform: Waveform = Waveform.LFM
     propagation_speed_m_per_s: float = SPEED_OF_LIGHT
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             if field.name != 'waveform' and not math.isfinite(getattr(self, field.name)):
                 raise ValueError(f'{field.name}={getattr(self, field.name)} is not finite')
@@ -131,7 +131,7 @@ class RadarParameters:
         self._check_magnitudes()
         object.__setattr__(self, 'waveform', Waveform(self.waveform))
 
-    def _check_magnitudes(self):
+    def _check_magnitudes(self) -> None:
         check_magnitude('propagation_speed_m_per_s', self.propagation_speed_m_per_s,
                         magnitudes.SPEED)
         device = magnitudes.device(self.propagation_speed_m_per_s)

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 from scipy import fft
@@ -39,14 +40,14 @@ from .waveforms import check_lfm, lfm_spectrum, n_pulse_samples
 from .windows import window as window_weights
 
 
-def forward(samples, n: int):
+def forward(samples: np.ndarray, n: int) -> np.ndarray:
     """(..., n) complex64 transform of samples (..., N), with zeros behind them."""
     if on_device(samples):
         return np.fft.fft(samples, n).astype(np.complex64, copy=False)
     return fft.fft(samples, n, workers=numba.get_num_threads())
 
 
-def inverse(spectra, n: int):
+def inverse(spectra: np.ndarray, n: int) -> np.ndarray:
     """(..., n) complex64 inverse transform, divided by n, of spectra, which may be overwritten."""
     if on_device(spectra):
         return np.fft.ifft(spectra, n).astype(np.complex64, copy=False)
@@ -148,7 +149,7 @@ class PhaseHistoryPlan:
         last = math.ceil(high_s * rate_hz * (1 - 1e-12))
         return first - GUARD_SAMPLES, last - first + 1 + 2 * GUARD_SAMPLES
 
-    def _phase_ramp(self, radar: RadarParameters, n: int):
+    def _phase_ramp(self, radar: RadarParameters, n: int) -> np.ndarray:
         """(n_output,) complex64 factor of each sample of the profile."""
         index = self._first + np.arange(self.n_output)
         # Sample 0 is (N - 1) / 2 steps below the carrier, and the samples' phase is referenced
@@ -227,8 +228,8 @@ def _kept_delays(radar: RadarParameters, step_hz: float,
     return max(low_s, near_s), min(high_s, far_s)
 
 
-@njit(parallel=True)
-def _wrap_and_turn(profiles, first, ramp, out):
+@njit(parallel=True)  # type: ignore[untyped-decorator]
+def _wrap_and_turn(profiles: np.ndarray, first: int, ramp: np.ndarray, out: np.ndarray) -> None:
     """Samples from `first` on of periodic profiles, times the ramp."""
     period = profiles.shape[1]
     for row in numba.prange(out.shape[0]):
@@ -473,6 +474,7 @@ class RangeCompressor:
         self.radar = radar
         self.n_samples = n_samples
         self.compressed = compressed
+        plan: BandFilter | PhaseHistoryPlan
         if compressed:
             plan = BandFilter.for_profiles(radar, n_samples, window, oversampling)
         elif radar.waveform.is_phase_history:
@@ -516,7 +518,7 @@ class RangeCompressor:
             * (radar.range_start_m + start * radar.sample_spacing_m))
 
     @classmethod
-    def for_block(cls, block: PulseBlock, **options) -> RangeCompressor:
+    def for_block(cls, block: PulseBlock, **options: Any) -> RangeCompressor:
         """Plan for blocks like `block`, raw or compressed; options as of the constructor."""
         return cls(block.radar, block.n_samples, compressed=block.compressed, **options)
 
@@ -580,7 +582,7 @@ class RangeCompressor:
         if self._calibration is not None:
             self._calibration.check_channels(block.n_channels)
 
-    def profiles(self, samples):
+    def profiles(self, samples: np.ndarray) -> np.ndarray:
         """Range profiles of samples, unchecked.
 
         Parameters
@@ -599,7 +601,7 @@ class RangeCompressor:
                 samples *= beside(self._turn, samples)
         return contiguous(samples[..., self._kept])
 
-    def compressed_block(self, block: PulseBlock, profiles) -> PulseBlock:
+    def compressed_block(self, block: PulseBlock, profiles: np.ndarray) -> PulseBlock:
         """A block with its range profiles in place of its samples."""
         return dataclasses.replace(block, radar=self._output_radar, compressed=True,
                                    samples=profiles)

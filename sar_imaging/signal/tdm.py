@@ -16,6 +16,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..geometry.alignment import Alignment
 from ..geometry.poses import PoseTable, PoseTrack
@@ -41,7 +42,7 @@ class TdmSchedule:
 
     offset_s: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         offset_s = np.atleast_1d(np.asarray(self.offset_s, float))
         if offset_s.ndim != 1 or not offset_s.size or not np.isfinite(offset_s).all():
             raise ValueError(f'offset_s={self.offset_s}; expected one finite time per channel, '
@@ -105,7 +106,8 @@ def locate_channels(block: PulseBlock, track: PoseTrack | PoseTable, alignment: 
     return dataclasses.replace(join_turns(located, turn), stamp_ns=block.stamp_ns)
 
 
-def move_channels(block: PulseBlock, velocity_m_per_s, schedule: TdmSchedule) -> PulseBlock:
+def move_channels(block: PulseBlock, velocity_m_per_s: ArrayLike, schedule: TdmSchedule
+                  ) -> PulseBlock:
     """Phase centres moved on from the stamps of the pulses to the channels' own times.
 
     For positions that were given at the stamps. Exact for a platform that neither accelerates

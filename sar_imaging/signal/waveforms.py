@@ -13,12 +13,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import fresnel
 
 from .radar import RadarParameters
 
 
-def lfm_spectrum(frequency_hz, radar: RadarParameters) -> np.ndarray:
+def lfm_spectrum(frequency_hz: ArrayLike, radar: RadarParameters) -> np.ndarray:
     """Fourier transform of the pulse, ``integral s(t) exp(-j 2 pi f t) dt``, in closed form.
 
     A receiver's anti-alias filter removes what a sampled replica of the pulse would fold into

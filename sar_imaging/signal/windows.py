@@ -21,9 +21,12 @@ kaiser:6    1.402  2.16       -43.8 dB  loses 1.66 dB; beta 0 is 'none', more is
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-_FROM_EDGE_TO_EDGE = {'hamming': np.hamming, 'hann': np.hanning, 'kaiser': np.kaiser}
+_FROM_EDGE_TO_EDGE: dict[str, Callable[..., np.ndarray]] = {
+    'hamming': np.hamming, 'hann': np.hanning, 'kaiser': np.kaiser}
 _DEFAULTS = {'none': (), 'hamming': (), 'hann': (), 'taylor': (4.0, 35.0), 'kaiser': (6.0,)}
 WINDOW_NAMES = tuple(_DEFAULTS)
 

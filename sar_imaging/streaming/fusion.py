@@ -8,7 +8,7 @@ import collections
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -189,7 +189,7 @@ def _power(sub: SubapertureImage) -> float:
     return float((abs(sub.image) ** 2).mean())
 
 
-def kind_of(sub: SubapertureImage) -> tuple:
+def kind_of(sub: SubapertureImage) -> tuple[Any, ...]:
     """What all sub-apertures of an aperture agree in."""
     return (sub.fusion, sub.map_grid, sub.n_subapertures, sub.n_window,
             sub.pulses_per_aperture)

@@ -12,7 +12,8 @@ import numpy as np
 from ..geometry.grids import MapGrid
 
 
-def patch_beside(grid: MapGrid, middle_m, flight, ahead_left_m: tuple[float, float]) -> MapGrid:
+def patch_beside(grid: MapGrid, middle_m: np.ndarray, flight: np.ndarray,
+                 ahead_left_m: tuple[float, float]) -> MapGrid:
     """Map patch beside an aperture, on the pixels that a grid continues to.
 
     The patch has its size, spacing, height and lattice. Its middle lies `ahead_left_m` of the

@@ -5,9 +5,10 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..backends import AUTO, backend as find_backend
 from ..device_arrays import to_host
@@ -62,7 +63,7 @@ class RevisableImage:
 
     def __init__(self, grid: MapGrid | PolarGrid, block: PulseBlock, *, target_db: float = -50.0,
                  pulses_per_subaperture: int | None = None, backend: str | Backend = AUTO):
-        self._asked = {'method': AFBP, 'target_db': target_db, 'backend': backend,
+        self._asked: dict[str, Any] = {'method': AFBP, 'target_db': target_db, 'backend': backend,
                        'pulses_per_subaperture': pulses_per_subaperture}
         self._backend = find_backend(backend)
         self._grid, self.block, self.plans_made = grid, block, 0
@@ -85,7 +86,7 @@ class RevisableImage:
                      int(np.sort(self.block.stamp_ns)[self.block.n_pulses // 2]),
                      np.sort(self.block.counter.astype(np.int64)))
 
-    def revise(self, tx_m, rx_m) -> tuple[int, ...]:
+    def revise(self, tx_m: ArrayLike, rx_m: ArrayLike) -> tuple[int, ...]:
         """Correct the phase centres of all pulses of the aperture, (P, C, 3), metres.
 
         Returns

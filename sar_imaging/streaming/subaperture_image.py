@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 
@@ -43,14 +44,14 @@ class SubapertureEnds:
         Shapes differ, a number is not finite, or directions are no perpendicular unit vectors.
     """
 
-    tx_m: tuple
-    rx_m: tuple
+    tx_m: tuple[Any, ...]
+    rx_m: tuple[Any, ...]
     n_channels: int = 1
-    boresight: tuple = ()
-    up: tuple = ()
+    boresight: tuple[Any, ...] = ()
+    up: tuple[Any, ...] = ()
     weighted: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('tx_m', 'rx_m', 'boresight', 'up'):
             values = np.asarray(getattr(self, name), np.float64)
             if values.shape != (2, 3) and not (values.size == 0 and name in ('boresight', 'up')):
@@ -79,7 +80,7 @@ class SubapertureEnds:
         """Phase centres (P, C, 3), metres, and pointing of pulses evenly from end to end."""
         fraction = np.linspace(0.0, 1.0, n_pulses)[:, None]
 
-        def between(ends):
+        def between(ends: Any) -> np.ndarray:
             return (1 - fraction) * np.array(ends[0]) + fraction * np.array(ends[1])
 
         centres = (np.repeat(between(ends)[:, None], self.n_channels, axis=1)
@@ -165,7 +166,7 @@ class SubapertureImage:
     predicted_error_db: float
     ends: SubapertureEnds | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not on_device(self.image):
             object.__setattr__(self, 'image', np.asarray(self.image, np.complex64))
         expected = (self.grid.n_alpha, self.grid.n_range)

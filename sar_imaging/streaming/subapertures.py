@@ -7,9 +7,11 @@ from __future__ import annotations
 import dataclasses
 import secrets
 import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..backends import AUTO, backend as find_backend
 from ..backends.edge_brightness import EdgeBrightness
@@ -196,7 +198,13 @@ class LiveSubapertures(ApertureSequence):
         self._n_apertures = 2 if sliding else 1
         self._session, self._sequence = secrets.randbits(32), 0
         self._memory: list[np.ndarray] = []
+        self._targets: list[Target] = []
+        # Images that can wait: target, its revision, aperture and number of the sub-aperture.
+        self._waiting: list[tuple[Target, int, AperturePulses, int]] = []
+        self._ahead: Target | None = None
+        self._tried: int | None = None
         self.planning_since_s: float | None = None
+        self.statistics: LiveStatistics
         super().__init__(pulses_per_aperture, LiveStatistics())
 
     def catch_up(self) -> list[SubapertureImage]:
@@ -249,11 +257,10 @@ class LiveSubapertures(ApertureSequence):
     def _begin_sequence(self) -> None:
         super()._begin_sequence()
         self._cut = self._wanted_cut
-        self._targets: list[Target] = []
-        # Images that can wait: target, its revision, aperture and number of the sub-aperture.
-        self._waiting: list[tuple[Target, int, AperturePulses, int]] = []
-        self._ahead: Target | None = None
-        self._tried: int | None = None  # aperture that was to be planned ahead
+        self._targets = []
+        self._waiting = []
+        self._ahead = None
+        self._tried = None  # aperture that was to be planned ahead
         self._previous: AperturePulses | None = None
         self._memory.clear()
         self._warned = False
@@ -390,7 +397,8 @@ class LiveSubapertures(ApertureSequence):
                  for number in range(-(-aperture.next // self._cut)))
         return [(aperture, part) for aperture, part in parts if aperture.seen[part].any()]
 
-    def _form(self, target: Target, parts) -> list[SubapertureImage] | None:
+    def _form(self, target: Target, parts: Sequence[tuple[AperturePulses, slice]]
+              ) -> list[SubapertureImage] | None:
         """Images of sub-apertures; None where one does not suit the plan."""
         found = []
         for aperture, part in parts:
@@ -487,7 +495,7 @@ class LiveSubapertures(ApertureSequence):
             n_window=self._length if self._n_apertures > 1 else 0, illumination=illumination),
             self._backend)
 
-    def _map(self, tx_m, rx_m) -> MapGrid:
+    def _map(self, tx_m: ArrayLike, rx_m: ArrayLike) -> MapGrid:
         """Map of an aperture with these phase centres."""
         if self._follow_m is None:
             return self.grid

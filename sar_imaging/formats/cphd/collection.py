@@ -68,7 +68,7 @@ class Collection:
     channels: tuple[str, ...] = ()
     polarisations: tuple[tuple[str, str], ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         texts = [getattr(self, f.name) for f in dataclasses.fields(self)[:-2]]
         if isinstance(self.channels, str) or not all(
                 isinstance(text, str) for text in [*texts, *self.channels]):
@@ -109,7 +109,7 @@ class Collection:
 
 def read_collection(container: Container, channels: tuple[str, ...]) -> Collection:
     """Names and kinds that a file tells of some of its channels."""
-    def text(path, default=''):
+    def text(path: str, default: str = '') -> str:
         return container.text(f'CollectionID/{path}', default)
 
     return Collection(

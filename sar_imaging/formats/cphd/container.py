@@ -12,6 +12,7 @@ import contextlib
 import dataclasses
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -117,7 +118,7 @@ class Container:
     def __enter__(self) -> Container:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def text(self, path: str, default: str | None = None) -> str:
@@ -205,7 +206,7 @@ class Container:
                             'damaged')
         return offset, size
 
-    def _read_metadata(self):
+    def _read_metadata(self) -> Any:
         offset, size = self._block('XML')
         if size > _LARGEST_XML:
             raise CphdError(f'{self.path}: metadata of {size} bytes; expected at most '
@@ -276,13 +277,14 @@ class Container:
             raise CphdError(f'{self.path}: the metadata name no channel')
         return channels
 
-    def _count(self, node, path: str) -> int:
+    def _count(self, node: Any, path: str) -> int:
         text = node.findtext('/'.join(f'{{*}}{step}' for step in path.split('/'))) or ''
         if not text.strip().isdecimal() or len(text) > 20:
             raise CphdError(f'{self.path}: {path} is {text[:40]!r}; expected a number')
         return int(text)
 
-    def _place(self, node, channel: str, field: str, block: tuple[int, int], size: int) -> int:
+    def _place(self, node: Any, channel: str, field: str, block: tuple[int, int], size: int
+               ) -> int:
         offset = self._count(node, field)
         if offset + size > block[1]:
             raise CphdError(f'{self.path}: {channel!r} takes {size} bytes from {offset} '

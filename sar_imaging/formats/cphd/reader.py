@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy import fft
@@ -129,7 +130,7 @@ class VectorCompression:
             out[own, shift:shift + n] = turned[own]
         return out
 
-    def _turns(self, rows, channel: int) -> np.ndarray:
+    def _turns(self, rows: Any, channel: int) -> np.ndarray:
         cycles = self._carrier_hz * self._delay_s[rows, channel]
         return np.exp(-2j * np.pi * (cycles % 1.0))
 
@@ -253,7 +254,7 @@ class CphdReader:
     def __enter__(self) -> CphdReader:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
@@ -348,7 +349,7 @@ class CphdReader:
 
     def _on_surface(self, area_m: np.ndarray) -> np.ndarray:
         """(N, 3) ECEF points of (N, 2) coordinates on the file's reference surface, metres."""
-        def vector(path, axes):
+        def vector(path: str, axes: str | Sequence[str]) -> np.ndarray:
             return np.array([float(self.container.text(f'SceneCoordinates/{path}/{axis}'))
                              for axis in axes])
 

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -68,7 +69,7 @@ class Vectors:
         """Number of the vector with the one of (P, C) values that departs most from the others."""
         return int(self.index[np.abs(values - np.median(values)).max(axis=1).argmax()])
 
-    def select(self, index) -> Vectors:
+    def select(self, index: Any) -> Vectors:
         """Vectors at `index` along the axis of pulses."""
         return dataclasses.replace(self, **{
             field.name: getattr(self, field.name)[index] for field in dataclasses.fields(self)
@@ -77,7 +78,7 @@ class Vectors:
 
 def coinciding(container: Container) -> list[tuple[str, ...]]:
     """Channels whose vectors are as many, as long, and were transmitted at the same times."""
-    groups: list[tuple[tuple, np.ndarray, list[str]]] = []
+    groups: list[tuple[tuple[Any, ...], np.ndarray, list[str]]] = []
     for name, layout in container.channels.items():
         times = np.asarray(container.read_pvps(name)['TxTime'], np.float64)
         shape = (layout.n_vectors, layout.n_samples)
@@ -101,12 +102,12 @@ def read_vectors(container: Container, channels: tuple[str, ...]) -> Vectors:
     """
     pvps = [container.read_pvps(name) for name in channels]
 
-    def take(name, default=None):
+    def take(name: str, default: Any = None) -> np.ndarray:
         if name not in container.pvp_type.names:
             return np.full((len(pvps[0]), len(pvps)), default)
         return np.stack([p[name].astype(np.float64) for p in pvps], axis=1)
 
-    def pair(first, second):
+    def pair(first: str, second: str) -> np.ndarray:
         return np.stack([take(first), take(second)], axis=-1)
 
     vectors = Vectors(
@@ -136,7 +137,7 @@ def _refuse(container: Container, vectors: Vectors, what: str, wrong: np.ndarray
 
 def _check(container: Container, vectors: Vectors) -> None:
     """Raise `CphdError` where parameters are no numbers that they can be."""
-    def refuse(what: str, wrong: np.ndarray):
+    def refuse(what: str, wrong: np.ndarray) -> None:
         _refuse(container, vectors, what, wrong)
 
     for field in dataclasses.fields(vectors):

@@ -14,6 +14,7 @@ import os
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -212,7 +213,7 @@ _OVER_LIMIT_DEG = 0.5  # between the Earth's normal and the line from its centre
 
 
 def make_metadata(pulses: WrittenPulses, vectors: np.ndarray, grid: MapGrid,
-                  collection: Collection, sample_type: str, sign: int):
+                  collection: Collection, sample_type: str, sign: int) -> Any:
     """Metadata of a file of some pulses.
 
     Parameters
@@ -258,7 +259,7 @@ def make_metadata(pulses: WrittenPulses, vectors: np.ndarray, grid: MapGrid,
     return root.getroottree()
 
 
-def _collection(collection: Collection, pulses: WrittenPulses) -> dict:
+def _collection(collection: Collection, pulses: WrittenPulses) -> dict[str, Any]:
     told = {'CollectorName': collection.collector_name,
             'IlluminatorName': collection.illuminator_name,
             'CoreName': collection.core_name,
@@ -271,7 +272,7 @@ def _collection(collection: Collection, pulses: WrittenPulses) -> dict:
     return {name: value for name, value in told.items() if value}
 
 
-def _global(pulses: WrittenPulses, vectors: np.ndarray, sign: int) -> dict:
+def _global(pulses: WrittenPulses, vectors: np.ndarray, sign: int) -> dict[str, Any]:
     return {'DomainType': pulses.domain, 'SGN': f'{sign:+d}',
             'Timeline': {'CollectionStart': date_of(pulses.start_ns),
                          'TxTime1': vectors['TxTime'].min(), 'TxTime2': vectors['TxTime'].max()},
@@ -279,7 +280,7 @@ def _global(pulses: WrittenPulses, vectors: np.ndarray, sign: int) -> dict:
             'TOASwath': {'TOAMin': vectors['TOA1'].min(), 'TOAMax': vectors['TOA2'].max()}}
 
 
-def _scene(pulses: WrittenPulses, grid: MapGrid) -> dict:
+def _scene(pulses: WrittenPulses, grid: MapGrid) -> dict[str, Any]:
     datum = pulses.datum
     origin = datum.to_ecef(pulses.reference_m)
     half = np.array([grid.n_x, grid.n_y]) * grid.spacing_m / 2
@@ -309,7 +310,7 @@ def _scene(pulses: WrittenPulses, grid: MapGrid) -> dict:
 
 
 def _data(pulses: WrittenPulses, vectors: np.ndarray, collection: Collection,
-          sample_type: str) -> dict:
+          sample_type: str) -> dict[str, Any]:
     n_channels, n_vectors = vectors.shape
     signal = n_vectors * pulses.n_samples * SAMPLE_BYTES[sample_type]
     return {
@@ -328,11 +329,12 @@ def _fixed(vectors: np.ndarray, first: str, second: str) -> bool:
                 and (vectors[second] == vectors[second].flat[0]).all())
 
 
-def _channels(pulses: WrittenPulses, vectors: np.ndarray, collection: Collection) -> dict:
+def _channels(pulses: WrittenPulses, vectors: np.ndarray, collection: Collection
+              ) -> dict[str, Any]:
     antenna = {} if pulses.antenna is None else {'Antenna': OF_CHANNEL}
     n_vectors = vectors.shape[1]
 
-    def parameters(own, name, polarisation):
+    def parameters(own: np.ndarray, name: str, polarisation: Any) -> dict[str, Any]:
         low, high = own['FX1'].min(), own['FX2'].max()
         return {'Identifier': name, 'RefVectorIndex': n_vectors // 2,
                 'FXFixed': _fixed(own, 'FX1', 'FX2'), 'TOAFixed': _fixed(own, 'TOA1', 'TOA2'),
@@ -348,7 +350,7 @@ def _channels(pulses: WrittenPulses, vectors: np.ndarray, collection: Collection
                 vectors, collection.channels, collection.polarisations, strict=True)]}
 
 
-def _layout(pulses: WrittenPulses) -> dict:
+def _layout(pulses: WrittenPulses) -> dict[str, Any]:
     sarkit = require('sarkit.cphd', PURPOSE)
     out, offset = {}, 0
     for name, kind in pulses.layout.items():
@@ -360,7 +362,7 @@ def _layout(pulses: WrittenPulses) -> dict:
     return out
 
 
-def _dwell(vectors: np.ndarray) -> dict:
+def _dwell(vectors: np.ndarray) -> dict[str, Any]:
     """The whole area was seen all the time that all channels were on."""
     delay = vectors['RcvTime'] - vectors['TxTime']
     to_target = np.linalg.norm(vectors['TxPos'] - vectors['SRPPos'], axis=-1)
@@ -374,7 +376,7 @@ def _dwell(vectors: np.ndarray) -> dict:
                                                'DwellTimePoly': [[last - first]]}]}
 
 
-def _reference_geometry(tree, vectors: np.ndarray):
+def _reference_geometry(tree: Any, vectors: np.ndarray) -> Any:
     sarkit = require('sarkit.cphd', PURPOSE)
     middle = vectors[0, vectors.shape[1] // 2]
     if not (np.linalg.norm(middle['TxVel']) or np.linalg.norm(middle['RcvVel'])):
@@ -389,7 +391,7 @@ def _reference_geometry(tree, vectors: np.ndarray):
     return geometry
 
 
-def _within_limits(geometry) -> None:
+def _within_limits(geometry: Any) -> None:
     """Angles at an end of what the schema allows, by rounding or in the limit, to just inside.
 
     Tracks that lead straight over the reference have a slope of 90 degrees, which it excludes.
@@ -577,8 +579,8 @@ class _Spool:
             tx_m, rx_m, None if self._sample_type == 'CF8' else amplitude, has_signal, antenna)
 
 
-def _assemble(path: Path, tree, vectors: np.ndarray, collection: Collection,
-              spool: _Spool, antenna: WrittenAntenna | None) -> None:
+def _assemble(path: Path, tree: Any, vectors: np.ndarray, collection: Collection, spool: _Spool,
+              antenna: WrittenAntenna | None) -> None:
     """Header, metadata and parameters by sarkit; behind them the samples of each channel."""
     sarkit = require('sarkit.cphd', PURPOSE)
     with open(path, 'w+b') as file:

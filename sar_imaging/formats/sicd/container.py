@@ -15,6 +15,7 @@ import io
 import itertools
 import logging
 import os
+from typing import IO, Any
 
 import numpy as np
 
@@ -120,7 +121,7 @@ def _amplitudes(largest: float) -> np.ndarray:
 class _Bounded(io.RawIOBase):
     """A file from which no more is read than there is, whatever is asked for."""
 
-    def __init__(self, file, size: int):
+    def __init__(self, file: IO[bytes], size: int) -> None:
         self._file, self._size = file, size
 
     def read(self, size: int = -1) -> bytes:
@@ -153,13 +154,13 @@ class SicdContainer:
         The file is no NITF file, or there is no SICD in it.
     """
 
-    def __init__(self, file):
+    def __init__(self, file: IO[bytes]) -> None:
         self._file = file
         self._size = os.fstat(file.fileno()).st_size
         self._nitf = _load(_Bounded(file, self._size))
         self.root = self._parse()
 
-    def _parse(self):
+    def _parse(self) -> Any:
         etree = require('lxml.etree', 'reading SICD')
         parser = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=False)
         damage = ''
@@ -238,7 +239,7 @@ class SicdContainer:
         return [(offset, n) for _, offset, n, _ in found]
 
 
-def _load(file):
+def _load(file: IO[bytes]) -> Any:
     """Headers of a NITF file; of a damaged one jbpy raises what its parsers meet."""
     jbpy = require('jbpy', 'reading SICD')
     logger = logging.getLogger('jbpy')  # reports each odd field; of old files there are many

@@ -14,6 +14,7 @@ import dataclasses
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...geometry.grids import PlaneGrid
 from ..acquisition import Acquisition
@@ -55,7 +56,7 @@ class SpatialSupport:
         return self.high - self.low
 
 
-def directions(acquisition: Acquisition, points_m) -> np.ndarray:
+def directions(acquisition: Acquisition, points_m: ArrayLike) -> np.ndarray:
     """(P, S, 3) float64 half sums of the unit vectors from transmitter and receiver to points."""
     points = np.asarray(points_m, np.float64).reshape(-1, 3)
     total = np.zeros((acquisition.n_pulses, len(points), 3))
@@ -73,7 +74,7 @@ def thinned(acquisition: Acquisition) -> Acquisition:
                                        for name in ('stamp_ns', 'tx_m', 'rx_m')})
 
 
-def support(acquisition: Acquisition, point_m, axis) -> SpatialSupport:
+def support(acquisition: Acquisition, point_m: np.ndarray, axis: np.ndarray) -> SpatialSupport:
     """Spatial frequencies that the image has at a place along one direction.
 
     Parameters
@@ -107,7 +108,7 @@ def _response_width(frequencies: np.ndarray, density: np.ndarray) -> float:
     """Width at -3 dB of ``sum density exp(j 2 pi k x)``, metres."""
     extent = np.ptp(frequencies)
 
-    def level(x):
+    def level(x: float) -> float:
         return np.abs(density @ np.exp(2j * np.pi * frequencies * x))
 
     near, far = 0.0, 0.25 / extent
@@ -119,7 +120,7 @@ def _response_width(frequencies: np.ndarray, density: np.ndarray) -> float:
     return near + far
 
 
-def centres(acquisition: Acquisition, points_m, axis) -> np.ndarray:
+def centres(acquisition: Acquisition, points_m: np.ndarray, axis: np.ndarray) -> np.ndarray:
     """(S,) float64 middles of the supports of places along a direction, cycles per metre."""
     along = directions(thinned(acquisition), points_m) @ np.asarray(axis, np.float64)
     ends = np.multiply.outer(np.array(acquisition.wavenumbers_per_m), along)
@@ -153,8 +154,8 @@ def centre_of_aperture(acquisition: Acquisition) -> tuple[np.ndarray, np.ndarray
             np.array([fit.deriv()(middle) for fit in fits]))
 
 
-def sicd_axes(acquisition: Acquisition, centre_m,
-              plane: str) -> tuple[np.ndarray, np.ndarray]:
+def sicd_axes(acquisition: Acquisition, centre_m: ArrayLike, plane: str
+              ) -> tuple[np.ndarray, np.ndarray]:
     """Unit vectors of rows and columns of an image about a place.
 
     Parameters
@@ -201,8 +202,9 @@ def sicd_axes(acquisition: Acquisition, centre_m,
     return row, np.cross(normal, row)
 
 
-def sicd_grid(acquisition: Acquisition, centre_m, range_size_m: float, cross_size_m: float, *,
-              plane: str = 'ground', spacing_m: tuple[float, float] | None = None) -> PlaneGrid:
+def sicd_grid(acquisition: Acquisition, centre_m: ArrayLike, range_size_m: float,
+              cross_size_m: float, *, plane: str = 'ground',
+              spacing_m: tuple[float, float] | None = None) -> PlaneGrid:
     """Make a grid for an image that `write_sicd` writes without resampling.
 
     Rows run along range, away from the radar, so that shadows fall downward; columns run to the

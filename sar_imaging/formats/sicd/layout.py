@@ -11,10 +11,12 @@ part: no bit is lost.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ...geometry.grids import EvenGrid, TerrainGrid
+from ...geometry.grids import EvenGrid, Grid, TerrainGrid
 from ..acquisition import Acquisition
 from .grid import UP, SpatialSupport, centre_of_aperture, centres, support
 
@@ -75,7 +77,7 @@ class SicdLayout:
         return tuple(quarters / (4 * spacing) for quarters, spacing in zip(
             self.quarters, self.spacing_m, strict=True))
 
-    def position(self, row, column) -> np.ndarray:
+    def position(self, row: ArrayLike, column: ArrayLike) -> np.ndarray:
         """(..., 3) place of pixels in SICD's order, imaging frame, metres."""
         index = np.stack(np.broadcast_arrays(row, column), axis=-1) * self.spacing_m
         return self.origin_m + index @ self.axes
@@ -97,7 +99,7 @@ class SicdLayout:
                 out[index] = turned(source[index], turn)
         return out
 
-    def offsets(self, acquisition: Acquisition, points_m) -> np.ndarray:
+    def offsets(self, acquisition: Acquisition, points_m: np.ndarray) -> np.ndarray:
         """(2, S) centres of the spectra of places less KCtr, along rows and columns."""
         return np.stack([centres(acquisition, points_m, axis) - centre for axis, centre in zip(
             self.axes, self.centre_per_m, strict=True)])
@@ -115,7 +117,7 @@ def turned(samples: np.ndarray, quarters: int) -> np.ndarray:
     return out
 
 
-def lay_out(grid, acquisition: Acquisition) -> SicdLayout:
+def lay_out(grid: Grid, acquisition: Acquisition) -> SicdLayout:
     """SICD's order for an image on a map or on a plane of any orientation.
 
     Raises
@@ -144,7 +146,7 @@ def lay_out(grid, acquisition: Acquisition) -> SicdLayout:
                   _plane_name(np.cross(*axes), look, velocity), supports, quarters)
 
 
-def _checked_steps(grid) -> np.ndarray:
+def _checked_steps(grid: Grid) -> np.ndarray:
     """(2, 3) steps of rows and columns of a plane that SICD describes."""
     if isinstance(grid, TerrainGrid):
         raise ValueError('the image lies on terrain; the pixels of SICD lie on a plane. Write a '
@@ -163,7 +165,7 @@ def _checked_steps(grid) -> np.ndarray:
     return grid.steps_m
 
 
-def _check_sampling(supports, spacing) -> None:
+def _check_sampling(supports: Sequence[SpatialSupport], spacing: Sequence[float]) -> None:
     for name, one, step in zip(('rows', 'columns'), supports, spacing, strict=True):
         if one.bandwidth * step > 1:
             raise ValueError(f'{name} are {step:g} m apart, but the image has detail of '

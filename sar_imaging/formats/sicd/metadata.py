@@ -18,6 +18,8 @@ import datetime
 import functools
 import json
 import logging
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -97,7 +99,7 @@ def two_way_antenna(acquisition: Acquisition, datum: Datum,
     return TwoWayAntenna(*axes, 2 * lobe.coefficients, 2 * lobe.error_db)
 
 
-def antenna_element(own: TwoWayAntenna, carrier_hz: float) -> dict:
+def antenna_element(own: TwoWayAntenna, carrier_hz: float) -> dict[str, Any]:
     """Element of the antenna."""
     return {'TwoWay': {'XAxisPoly': own.x_axis.T, 'YAxisPoly': own.y_axis.T,
                        'FreqZero': carrier_hz,
@@ -182,7 +184,7 @@ def radiometric(image: Image, layout: SicdLayout, response: ImageResponse | Knot
     return Radiometric(factors, noise_db, fit.residual_db)
 
 
-def _knots(response: ImageResponse | KnotResponse) -> tuple[ImageResponse, tuple]:
+def _knots(response: ImageResponse | KnotResponse) -> tuple[ImageResponse, tuple[Any, ...]]:
     """Response at some pixels, and their rows (K_y, 1) and columns (1, K_x)."""
     if isinstance(response, KnotResponse):
         return response.values, np.ix_(response.rows, response.columns)
@@ -227,7 +229,7 @@ class _Fit:
                                                        self._scales[1] ** powers)
 
 
-def radiometric_element(own: Radiometric) -> dict:
+def radiometric_element(own: Radiometric) -> dict[str, Any]:
     """Element of the scale factors."""
     noise = {} if own.noise_db is None else {'NoiseLevel': {
         'NoiseLevelType': 'ABSOLUTE', 'NoisePoly': own.noise_db}}
@@ -282,7 +284,7 @@ class Description:
                                                                 self.track.pulse_s)
 
 
-def sicd_tree(description: Description):
+def sicd_tree(description: Description) -> Any:
     """Tree of elements of one file, with what is computed of the scene centre point."""
     etree, sicd = (require(name, 'writing SICD') for name in ('lxml.etree', 'sarkit.sicd'))
     namespace = BISTATIC if description.track.bistatic else MONOSTATIC
@@ -298,7 +300,7 @@ def sicd_tree(description: Description):
     return root.getroottree()
 
 
-def _collection(own: Description) -> dict:
+def _collection(own: Description) -> dict[str, Any]:
     acquisition, track = own.acquisition, own.track
     name = acquisition.name or f'{acquisition.collector}_{track.start:%Y%m%dT%H%M%S%f}'
     datum = json.dumps(dataclasses.asdict(own.datum))
@@ -316,7 +318,7 @@ def _collection(own: Description) -> dict:
             'Parameter': [(key, text) for key, text in parameters.items() if text is not None]}
 
 
-def _creation(own: Description) -> dict:
+def _creation(own: Description) -> dict[str, Any]:
     return {'Application': f'sar_imaging {__version__}',
             'DateTime': datetime.datetime.now(datetime.timezone.utc)}
 
@@ -326,7 +328,7 @@ def _corners(layout: SicdLayout) -> list[tuple[int, int]]:
     return [(0, 0), (0, columns - 1), (rows - 1, columns - 1), (rows - 1, 0)]
 
 
-def _image_data(own: Description) -> dict:
+def _image_data(own: Description) -> dict[str, Any]:
     size = dict(zip(('NumRows', 'NumCols'), own.layout.shape, strict=True))
     return {'PixelType': own.pixel_type,
             **({} if own.amplitudes is None else {'AmpTable': own.amplitudes}), **size,
@@ -335,7 +337,7 @@ def _image_data(own: Description) -> dict:
             'ValidData': _corners(own.layout)}
 
 
-def _geo_data(own: Description) -> dict:
+def _geo_data(own: Description) -> dict[str, Any]:
     places = np.column_stack(own.datum.to_geographic(_ground_corners(own))[:2])
     return {'EarthModel': 'WGS_84',
             'SCP': {'ECF': own.datum.to_ecef(own.layout.scp_m),
@@ -364,20 +366,20 @@ def _aperture_centre(own: Description) -> tuple[np.ndarray, np.ndarray]:
             own.datum.vectors_from_ecef(velocity))
 
 
-def _up(geographic) -> np.ndarray:
+def _up(geographic: Sequence[float]) -> np.ndarray:
     latitude, longitude = np.radians(geographic[0]), np.radians(geographic[1])
     return np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude),
                      np.sin(latitude)])
 
 
-def _grid(own: Description) -> dict:
+def _grid(own: Description) -> dict[str, Any]:
     polynomials = _local_spectra(own)
     return {'ImagePlane': own.layout.plane, 'Type': 'PLANE',
             'TimeCOAPoly': [[own.track.middle_s]],
             'Row': _direction(own, 0, polynomials[0]), 'Col': _direction(own, 1, polynomials[1])}
 
 
-def _direction(own: Description, axis: int, polynomial: np.ndarray) -> dict:
+def _direction(own: Description, axis: int, polynomial: np.ndarray) -> dict[str, Any]:
     """Row or Col of the grid, with the spectrum of the scene centre point and of the corners."""
     layout = own.layout
     own_support = layout.supports[axis]
@@ -414,7 +416,7 @@ def _spectrum_ends(layout: SicdLayout, axis: int, polynomial: np.ndarray) -> tup
     return (float(low), float(high)) if -edge <= low and high <= edge else (-edge, edge)
 
 
-def _timeline(own: Description) -> dict:
+def _timeline(own: Description) -> dict[str, Any]:
     track, last = own.track, own.acquisition.n_pulses - 1
     interval = (track.pulse_s[-1] - track.pulse_s[0]) / last
     line = [-track.pulse_s[0] / interval, 1 / interval]
@@ -425,7 +427,7 @@ def _timeline(own: Description) -> dict:
             **({'IPP': {'@size': 1, 'Set': [pulses]}} if even else {})}
 
 
-def _position(own: Description) -> dict:
+def _position(own: Description) -> dict[str, Any]:
     track = own.track
     if not track.bistatic:
         return {'ARPPoly': track.arp.T}
@@ -433,7 +435,7 @@ def _position(own: Description) -> dict:
             'TxAPCPoly': track.tx.T, 'RcvAPC': [track.rx.T]}
 
 
-def _radar_collection(own: Description) -> dict:
+def _radar_collection(own: Description) -> dict[str, Any]:
     low, high = _band(own.acquisition)
     polarisation = own.acquisition.polarisation
     channel = {'@index': 1, 'TxRcvPolarization': polarisation,
@@ -443,7 +445,7 @@ def _radar_collection(own: Description) -> dict:
             'RcvChannels': {'@size': 1, 'ChanParameters': [channel]}}
 
 
-def _waveform(acquisition: Acquisition) -> dict:
+def _waveform(acquisition: Acquisition) -> dict[str, Any]:
     """The pulse, where it is a chirp of known length that sweeps the band."""
     radar = acquisition.radar
     swept = abs(radar.chirp_rate_hz_per_s) * radar.pulse_length_s
@@ -455,7 +457,7 @@ def _waveform(acquisition: Acquisition) -> dict:
         'TxFMRate': radar.chirp_rate_hz_per_s}]}}
 
 
-def _image_formation(own: Description) -> dict:
+def _image_formation(own: Description) -> dict[str, Any]:
     low, high = _band(own.acquisition)
     return {'RcvChanProc': {'NumChanProc': 1, 'ChanIndex': [1]},
             'TxRcvPolarizationProc': own.acquisition.polarisation,

@@ -11,6 +11,8 @@ import datetime
 import json
 import math
 import os
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -39,10 +41,10 @@ class Fields:
         Root of the XML.
     """
 
-    def __init__(self, root):
+    def __init__(self, root: Any) -> None:
         self._root = root
 
-    def find(self, path: str):
+    def find(self, path: str) -> Any:
         """Element at a path such as ``'Grid/Row'``; None where there is none."""
         return self._root.find('/'.join(f'{{*}}{name}' for name in path.split('/')))
 
@@ -81,7 +83,7 @@ class Fields:
             raise ValueError(f'{path}={value:g}; expected a whole number of {least} to {most}')
         return int(value)
 
-    def vector(self, path: str, axes=('X', 'Y', 'Z')) -> np.ndarray:
+    def vector(self, path: str, axes: Sequence[str] = ('X', 'Y', 'Z')) -> np.ndarray:
         """(3,) float64 vector."""
         return np.array([self.number(f'{path}/{axis}') for axis in axes])
 
@@ -162,7 +164,7 @@ _ORTHOGONAL = 1e-3
 _BLOCK_ROWS = 256
 
 
-def read_sicd(path: os.PathLike | str) -> ImageProduct:
+def read_sicd(path: os.PathLike[str] | str) -> ImageProduct:
     """Read the image of a SICD file of any version, 0.4 to 1.5.
 
     The carrier that SICD takes out is put back, so that the image is one like ours: exactly
@@ -278,7 +280,8 @@ def _scale(fields: Fields) -> float:
     return scale
 
 
-def _grid(fields: Fields, datum: Datum, shape) -> tuple[PlaneGrid, list[np.ndarray]]:
+def _grid(fields: Fields, datum: Datum, shape: tuple[int, ...]
+          ) -> tuple[PlaneGrid, list[np.ndarray]]:
     """Grid, and the turns of the carrier at each row and each column."""
     steps, turns, scp_index = [], [], []
     for name, n in zip(('Row', 'Col'), shape, strict=True):
@@ -343,7 +346,7 @@ def _acquisition(fields: Fields, datum: Datum) -> Acquisition:
         return Acquisition(radar, stamp_of(start, times), **places, **names)
 
 
-def _delay(places, scene) -> np.ndarray:
+def _delay(places: Any, scene: np.ndarray) -> np.ndarray:
     return np.linalg.norm(places - scene, axis=-1) / SPEED_OF_LIGHT
 
 

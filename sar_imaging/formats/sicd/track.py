@@ -8,6 +8,7 @@ import dataclasses
 import datetime
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...geometry.earth import Datum
 from ...signal.radar import SPEED_OF_LIGHT
@@ -54,7 +55,7 @@ class Track:
     bistatic: bool
 
 
-def fit_track(acquisition: Acquisition, datum: Datum, scene_m) -> Track:
+def fit_track(acquisition: Acquisition, datum: Datum, scene_m: ArrayLike) -> Track:
     """Fit polynomials of the lowest order that leaves 0.1 mm, or of order 9.
 
     Parameters
@@ -96,19 +97,19 @@ def fit_track(acquisition: Acquisition, datum: Datum, scene_m) -> Track:
                  *(fit for fit, _ in fits), max(error for _, error in used), bool(bistatic))
 
 
-def evaluate(coefficients: np.ndarray, times_s) -> np.ndarray:
+def evaluate(coefficients: np.ndarray, times_s: np.ndarray) -> np.ndarray:
     """(..., 3) positions of a polynomial (3, n) at times, seconds."""
     return np.moveaxis(np.polynomial.polynomial.polyval(times_s, coefficients.T), 0, -1)
 
 
-def stamp_of(start: datetime.datetime, seconds) -> np.ndarray:
+def stamp_of(start: datetime.datetime, seconds: ArrayLike) -> np.ndarray:
     """int64 nanoseconds since 1970 of times since a date."""
     since = start - EPOCH
     whole = (since.days * 86400 + since.seconds) * 10**9 + since.microseconds * 1000
     return whole + np.rint(np.asarray(seconds) * 1e9).astype(np.int64)
 
 
-def _fit(times_s, places_m) -> tuple[np.ndarray, float]:
+def _fit(times_s: np.ndarray, places_m: np.ndarray) -> tuple[np.ndarray, float]:
     """Coefficients (3, n) by power of the time and the largest distance that is left."""
     for order in range(1, min(_HIGHEST_ORDER, len(times_s) - 1) + 1):
         fit = np.stack([_coefficients(times_s, places_m[:, axis], order) for axis in range(3)])
@@ -118,13 +119,13 @@ def _fit(times_s, places_m) -> tuple[np.ndarray, float]:
     return fit, error
 
 
-def _coefficients(times_s, values, order: int) -> np.ndarray:
+def _coefficients(times_s: np.ndarray, values: np.ndarray, order: int) -> np.ndarray:
     """(order + 1,) coefficients of a fit over its own interval, expanded about time 0."""
     series = np.polynomial.Polynomial.fit(times_s, values, order).convert().coef
     return np.pad(series, (0, order + 1 - len(series)))
 
 
-def _bistatic_angle(acquisition: Acquisition, scene_m) -> float:
+def _bistatic_angle(acquisition: Acquisition, scene_m: ArrayLike) -> float:
     """Largest angle between transmitter and receiver, radians, as seen from the scene."""
     to_tx, to_rx = (centre - np.asarray(scene_m) for centre in (acquisition.tx_m,
                                                                 acquisition.rx_m))

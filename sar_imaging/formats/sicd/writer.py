@@ -23,8 +23,9 @@ from .track import fit_track
 _STATION = 'SARIMAGING'  # ten letters at most
 
 
-def write_sicd(path: os.PathLike | str, image: Image, datum: Datum, acquisition: Acquisition, *,
-               pixel_type: str = container.FLOAT, classification: str = 'UNCLASSIFIED',
+def write_sicd(path: os.PathLike[str] | str, image: Image, datum: Datum,
+               acquisition: Acquisition, *, pixel_type: str = container.FLOAT,
+               classification: str = 'UNCLASSIFIED',
                response: ImageResponse | KnotResponse | None = None,
                constant: RadarConstant | None = None) -> None:
     """Write an image as SICD 1.3, bistatic ones as 1.4 (NGA.STND.0024).

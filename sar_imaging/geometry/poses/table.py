@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -55,7 +56,7 @@ class PoseTable:
                                    position_m=self.position_m[index],
                                    quaternion=self.quaternion[index])
 
-    def track(self, **limits) -> PoseTrack:
+    def track(self, **limits: Any) -> PoseTrack:
         """The track of all these poses; limits as of `PoseTrack`."""
         track = PoseTrack(**limits, capacity=max(len(self.stamp_ns), 1))
         for pose in zip(self.stamp_ns.tolist(), self.position_m.tolist(),

@@ -10,6 +10,8 @@ from __future__ import annotations
 import dataclasses
 import enum
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -70,7 +72,8 @@ def interpolate_poses(stamp_ns: np.ndarray, position_m: np.ndarray, quaternion: 
 class _Window:
     """Displacements and rotation vectors of the poses around each of U bases, relative to it."""
 
-    def __init__(self, stamp_ns, position_m, quaternion, segment, base):
+    def __init__(self, stamp_ns: np.ndarray, position_m: np.ndarray, quaternion: np.ndarray,
+                 segment: np.ndarray, base: np.ndarray) -> None:
         self._first = np.searchsorted(segment, segment[base], 'left')
         self._stop = np.searchsorted(segment, segment[base], 'right')
         self._count = np.minimum(_STENCIL, self._stop - self._first)
@@ -89,10 +92,10 @@ class _Window:
         self._mean_rotation = self.step[:, 3:] * (
             1e9 / (stamp_ns[base + 1] - stamp_ns[base]))[:, None]
 
-    def _stencil_start(self, node) -> np.ndarray:
+    def _stencil_start(self, node: Any) -> np.ndarray:
         return np.clip(node - _STENCIL // 2, self._first, self._stop - self._count)
 
-    def slopes(self, node) -> np.ndarray:
+    def slopes(self, node: Any) -> np.ndarray:
         """(U, 6) derivatives by time at one pose near each base; mean turning rate in a spin."""
         out = np.empty((len(node), 6))
         start = self._stencil_start(node) - self._start
@@ -260,7 +263,8 @@ class PoseTrack:
         """Number of the newest pose's frame."""
         return int(self._frame[self._n - 1]) if self._n else self._first_frame
 
-    def add(self, stamp_ns: int, position_m, quaternion) -> PoseVerdict:
+    def add(self, stamp_ns: int, position_m: np.ndarray,
+            quaternion: Sequence[float] | np.ndarray) -> PoseVerdict:
         """Take a pose.
 
         Parameters
@@ -357,7 +361,7 @@ class PoseTrack:
             quaternion[ready] = attitude.as_quat()
         return Poses(status, position, Rotation.from_quat(quaternion), frame)
 
-    def _closed_on_the_right(self, left, query) -> np.ndarray:
+    def _closed_on_the_right(self, left: np.ndarray, query: np.ndarray) -> np.ndarray:
         """A time exactly that of a segment's last pose belongs to the interval before it."""
         n = self._n
         if not n:
@@ -368,7 +372,7 @@ class PoseTrack:
         exact = (left >= 0) & (self._stamp[at] == query)
         return left - (exact & last & ~first)
 
-    def _status(self, left, query, final: bool) -> np.ndarray:
+    def _status(self, left: np.ndarray, query: np.ndarray, final: bool) -> np.ndarray:
         n = self._n
         status = np.full(query.size, int(PoseStatus.READY))
         at = np.clip(left, 0, max(n - 1, 0))

@@ -113,7 +113,7 @@ class AperturePulses(Aperture):
         Boresight and up of the pulses, where they tell these.
     """
 
-    def __init__(self, number: int, length: int, example: PulseBlock, memory: list):
+    def __init__(self, number: int, length: int, example: PulseBlock, memory: list[Any]):
         super().__init__(number, length)
         self._radar = example.radar
         n, channels, samples = len(self.seen), *example.samples.shape[1:]
@@ -145,7 +145,7 @@ class AperturePulses(Aperture):
                           self.memory[index], self.tx_m[index], self.rx_m[index],
                           pointing=self._pointing(index))
 
-    def _pointing(self, index) -> Pointing | None:
+    def _pointing(self, index: Any) -> Pointing | None:
         return None if self.looks is None else Pointing.of_unit_vectors(*self.looks[:, index])
 
     def begins_like(self, other: AperturePulses, n_pulses: int) -> bool:
@@ -206,11 +206,11 @@ class ApertureSequence(EventSource):
         """An empty aperture."""
         raise NotImplementedError
 
-    def _fill(self, aperture: Any, block: PulseBlock) -> list:
+    def _fill(self, aperture: Any, block: PulseBlock) -> list[Any]:
         """Use pulses of an aperture that did not come before; errors leave them unused."""
         raise NotImplementedError
 
-    def _finish(self, aperture: Any) -> list:
+    def _finish(self, aperture: Any) -> list[Any]:
         """Close an aperture."""
         raise NotImplementedError
 
@@ -224,7 +224,7 @@ class ApertureSequence(EventSource):
         """Number of the aperture being filled, None when there is none."""
         return None if self._open is None else self._open.number
 
-    def add(self, block: PulseBlock) -> list:
+    def add(self, block: PulseBlock) -> list[Any]:
         """Add range profiles and return what became complete.
 
         Parameters
@@ -246,7 +246,7 @@ class ApertureSequence(EventSource):
         results = self._prepare(block)
         return results + self._accept(self._detector.submit(block))
 
-    def flush(self) -> list:
+    def flush(self) -> list[Any]:
         """Close the aperture being filled; nothing more is expected for now."""
         results = self._accept(self._detector.flush()) + self._close()
         self._report_late()
@@ -262,7 +262,7 @@ class ApertureSequence(EventSource):
         self._begin_sequence()
         return dropped
 
-    def _prepare(self, block: PulseBlock) -> list:
+    def _prepare(self, block: PulseBlock) -> list[Any]:
         """Close what belongs to an old configuration and get ready for a new one."""
         if self._example is not None and block.matches(self._example):
             return []
@@ -276,7 +276,7 @@ class ApertureSequence(EventSource):
         self._plan, self._example = plan, block
         return results
 
-    def _accept(self, verdict) -> list:
+    def _accept(self, verdict: Any) -> list[Any]:
         results = [result for b in verdict.late for result in self._accumulate(b)]
         if verdict.restarted:
             results += self._close()
@@ -287,7 +287,7 @@ class ApertureSequence(EventSource):
             self._begin_sequence()
         return results + [result for b in verdict.accepted for result in self._accumulate(b)]
 
-    def _accumulate(self, block: PulseBlock) -> list:
+    def _accumulate(self, block: PulseBlock) -> list[Any]:
         results = []
         numbers = block.counter // np.uint32(self._length)
         edges = [0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist(), block.n_pulses]
@@ -296,7 +296,7 @@ class ApertureSequence(EventSource):
             results += self._add_to_aperture(int(numbers[start]), piece)
         return results
 
-    def _add_to_aperture(self, number: int, block: PulseBlock) -> list:
+    def _add_to_aperture(self, number: int, block: PulseBlock) -> list[Any]:
         current = self._closed if self._open is None else self._open.number
         # across the wrap-around of the counters that numbers come from
         later = current is None or counter_distance(number * self._length,
@@ -323,7 +323,7 @@ class ApertureSequence(EventSource):
         self.statistics.late += block.n_pulses
         self._late += block.counter.tolist()
 
-    def _close(self) -> list:
+    def _close(self) -> list[Any]:
         aperture, self._open = self._open, None
         if aperture is None:
             return []

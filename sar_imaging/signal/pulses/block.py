@@ -6,8 +6,10 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...device_arrays import alike, are_finite, beside, on_device, to_host
 from ...geometry.illumination import Pointing
@@ -21,7 +23,7 @@ CORRUPT = f'dropped pulses with samples that are not finite numbers below {_MOST
 _MOST_SECONDS = 1e11  # of times since any epoch
 
 
-def integer_stamps(stamp_ns) -> np.ndarray:
+def integer_stamps(stamp_ns: ArrayLike) -> np.ndarray:
     """(P,) int64 times; ValueError for floats, which are seconds more often than not."""
     stamps = np.asarray(stamp_ns)
     if stamps.size and stamps.dtype.kind not in 'iu':
@@ -37,7 +39,7 @@ def integer_stamps(stamp_ns) -> np.ndarray:
     return stamps.astype(np.int64, copy=False)
 
 
-def running_counters(counter) -> np.ndarray:
+def running_counters(counter: ArrayLike) -> np.ndarray:
     """(P,) uint32 numbers of the pulses; ValueError where they cannot number them."""
     values = np.asarray(counter)
     if values.size and values.dtype.kind not in 'iu':
@@ -50,7 +52,7 @@ def running_counters(counter) -> np.ndarray:
     return values.astype(np.uint32, copy=False)
 
 
-def complex_samples(samples):
+def complex_samples(samples: Any) -> np.ndarray:
     """Samples as complex64, where they lie: of NumPy, or of CuPy on a device."""
     if on_device(samples):
         return samples.astype(np.complex64, copy=False)
@@ -89,7 +91,7 @@ def check_shapes(samples: np.ndarray, n_pulses: int, tx_m: np.ndarray | None,
             _refuse_positions(name, centres.shape, samples.shape)
 
 
-def _refuse_samples(shape, n_pulses: int, channels: int | None) -> None:
+def _refuse_samples(shape: tuple[int, ...], n_pulses: int, channels: int | None) -> None:
     text = f'samples.shape={shape} is for {shape[0]} pulses, stamp_ns has {n_pulses}'
     if n_pulses in shape[1:]:
         pulse_axis = 2 if shape[2] == n_pulses else 1
@@ -106,7 +108,7 @@ def _refuse_samples(shape, n_pulses: int, channels: int | None) -> None:
     raise ValueError(text)
 
 
-def _refuse_positions(name: str, shape, samples_shape) -> None:
+def _refuse_positions(name: str, shape: tuple[int, ...], samples_shape: tuple[int, ...]) -> None:
     pulses, channels, n = samples_shape
     expected = (pulses, channels, 3)
     text = f'{name}.shape={shape} does not match samples.shape={samples_shape}; '
@@ -225,7 +227,7 @@ class PulseBlock:
     frame: str = ''
     pointing: Pointing | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if (self.tx_m is None) != (self.rx_m is None):
             raise ValueError('tx_m and rx_m must be given together or not at all')
         fields = {'stamp_ns': integer_stamps(self.stamp_ns),
@@ -269,9 +271,9 @@ class PulseBlock:
         """(P, 3) float64 mean of all transmit and receive phase centres of each pulse, metres."""
         return mean_centres(self.tx_m, self.rx_m)
 
-    def select(self, index) -> PulseBlock:
+    def select(self, index: Any) -> PulseBlock:
         """Pulses at `index` (slice, mask or integers along the pulse axis) as a block."""
-        def pick(a):
+        def pick(a: np.ndarray | None) -> np.ndarray | None:
             return None if a is None else a[index]
 
         there = index if isinstance(index, slice) else beside(np.asarray(index), self.samples)
@@ -335,10 +337,12 @@ def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
         raise ValueError('blocks differ in radar parameters, frame, channels or samples; '
                          'concatenate blocks of one configuration only')
 
-    def join(name):
+    def join(name: str) -> np.ndarray:
         return np.concatenate([getattr(b, name) for b in blocks])
 
-    positions = {'tx_m': join('tx_m'), 'rx_m': join('rx_m')} if first.has_positions else {}
+    positions: dict[str, Any] = {}
+    if first.has_positions:
+        positions = {'tx_m': join('tx_m'), 'rx_m': join('rx_m')}
     if first.pointing is not None:
         positions['pointing'] = Pointing.join([b.pointing for b in blocks])
     samples = np.concatenate([alike(b.samples, first.samples) for b in blocks])

@@ -200,7 +200,8 @@ class PulseBuffer(EventSource):
         return emitted
 
     def _insert(self, block: PulseBlock) -> None:
-        late, duplicate = [], []
+        late: list[int] = []
+        duplicate: list[int] = []
         for row, counter in enumerate(self._unwrap(block.counter)):
             stamp_ns = int(block.stamp_ns[row])
             if self._times.setdefault(counter, stamp_ns) != stamp_ns:

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 if TYPE_CHECKING:
     from .block import PulseBlock
@@ -36,7 +37,7 @@ class StreamEvent:
 class EventSource:
     """What has something to tell about its stream: events wait here until they are taken."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._events: list[StreamEvent] = []
 
     def take_events(self) -> list[StreamEvent]:
@@ -48,7 +49,7 @@ class EventSource:
         self._events.append(StreamEvent(kind, text))
 
 
-def counter_distance(counter, reference) -> np.ndarray:
+def counter_distance(counter: ArrayLike, reference: int) -> np.ndarray:
     """Signed distance of pulse counters from a reference, across the 32 bit wrap-around.
 
     Parameters
@@ -63,7 +64,7 @@ def counter_distance(counter, reference) -> np.ndarray:
     (P,) int64
         Distance in pulses, in ``[-2**31, 2**31)``.
     """
-    difference = np.asarray(counter, np.int64) - np.int64(int(reference) & COUNTER_MASK)
+    difference = np.asarray(counter, np.int64) - (int(reference) & COUNTER_MASK)
     return (difference + 2**31) % 2**32 - 2**31
 
 

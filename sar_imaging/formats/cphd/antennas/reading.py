@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy
@@ -20,6 +21,7 @@ from ..container import Container, CphdError
 from ..vectors import Vectors
 from .writing import DARK_DB
 
+_Gain = Callable[[np.ndarray, np.ndarray], np.ndarray]  # dB by DCX and DCY
 _POINTS = 1025  # of a cut, of polynomials
 _FLOOR_DB = -40.0  # one way: where the main lobe of a polynomial ends at the latest
 _LOBE_DB = -10.0  # one way, within which a pattern should be the product of its cuts
@@ -128,7 +130,7 @@ def _side(container: Container, told: dict[str, str], side: str, pvps: np.ndarra
     return _Side(_orthonormal(x, y), steering, *_gain(container, pattern))
 
 
-def _named(container: Container, kind: str, name: str | None):
+def _named(container: Container, kind: str, name: str | None) -> Any:
     for node in container.tree.findall(f'{{*}}Antenna/{{*}}{kind}'):
         if name is not None and node.findtext('{*}Identifier') == name:
             return node
@@ -156,7 +158,7 @@ def _common_axes(sides: list[_Side]) -> np.ndarray:
     return sides[0].axes
 
 
-def _evaluated(node, *at: np.ndarray) -> np.ndarray:
+def _evaluated(node: Any, *at: np.ndarray) -> np.ndarray:
     """Values of a polynomial in one or two variables."""
     if node is None:
         raise CphdError('a polynomial of it is not there')
@@ -174,7 +176,8 @@ def _evaluated(node, *at: np.ndarray) -> np.ndarray:
     return np.polynomial.polynomial.polyval2d(*at, coefficients)
 
 
-def _gain(container: Container, pattern):
+def _gain(container: Container, pattern: Any
+          ) -> tuple[_Gain, tuple[np.ndarray, np.ndarray]]:
     """Gain of one way, dB, by DCX and DCY, and the direction cosines that its cuts have."""
     name = pattern.findtext('{*}Array/{*}AntGPId')
     element = pattern.findtext('{*}Element/{*}AntGPId')
@@ -189,13 +192,14 @@ def _gain(container: Container, pattern):
         return (table if other is None else lambda x, y: table(x, y) + other(x, y)), cosines
     nodes = [pattern.find(f'{{*}}{kind}/{{*}}GainPoly') for kind in ('Array', 'Element')]
 
-    def polynomial(x, y):
+    def polynomial(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return sum(_evaluated(node, x, y) for node in nodes)
 
     return polynomial, tuple(_main_lobe(polynomial, axis) for axis in (0, 1))
 
 
-def _table(container: Container, name: str):
+def _table(container: Container, name: str
+           ) -> tuple[_Gain, tuple[np.ndarray, np.ndarray]]:
     """Interpolated gain of a support array, dark outside, and its direction cosines."""
     array = container.read_support_array(name)
     gain = np.asarray(array['Gain'], np.float64)
@@ -212,14 +216,14 @@ def _table(container: Container, name: str):
     between = scipy.interpolate.RegularGridInterpolator(
         cosines, 10 ** (gain / 10), bounds_error=False, fill_value=0.0)
 
-    def at(x, y):
+    def at(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         with np.errstate(divide='ignore'):
             return 10 * np.log10(between(np.stack(np.broadcast_arrays(x, y), axis=-1)))
 
     return at, cosines
 
 
-def _main_lobe(gain_db, axis: int) -> np.ndarray:
+def _main_lobe(gain_db: Callable[[np.ndarray, np.ndarray], np.ndarray], axis: int) -> np.ndarray:
     """Direction cosines along an axis out to where polynomials end to fall."""
     cosine = np.linspace(-1.0, 1.0, 2 * _POINTS - 1)
     zero = np.zeros_like(cosine)

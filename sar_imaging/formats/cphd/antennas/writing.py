@@ -18,7 +18,8 @@ from __future__ import annotations
 import dataclasses
 import functools
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial, chebyshev, polynomial
@@ -53,8 +54,8 @@ class LobePolynomial:
     error_db: float
 
     @classmethod
-    def of(cls, gain_db: Callable[[np.ndarray, np.ndarray], np.ndarray], cosines
-           ) -> LobePolynomial:
+    def of(cls, gain_db: Callable[[np.ndarray, np.ndarray], np.ndarray],
+           cosines: Sequence[np.ndarray]) -> LobePolynomial:
         """Polynomial of the lowest order that follows a gain, or of the highest one.
 
         Parameters
@@ -81,7 +82,9 @@ class LobePolynomial:
         return min(found, key=lambda one: one.error_db)
 
 
-def _fitted(gain_db, lobes, order: int) -> np.ndarray:
+def _fitted(gain_db: Callable[[np.ndarray, np.ndarray], np.ndarray],
+            lobes: Sequence[tuple[float, float]],
+            order: int) -> np.ndarray:
     """(order + 1, order + 1) coefficients by powers of the direction cosines."""
     node = -np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
     places = [0.5 * (last + first) + 0.5 * (last - first) * node for first, last in lobes]
@@ -101,7 +104,7 @@ def _fitted(gain_db, lobes, order: int) -> np.ndarray:
     return out
 
 
-def _powers(lobe, order: int) -> np.ndarray:
+def _powers(lobe: np.ndarray, order: int) -> np.ndarray:
     """(order + 1, order + 1) powers of a cosine, by row, of a lobe's Chebyshev polynomials."""
     out = np.zeros((order + 1, order + 1))
     for number in range(order + 1):
@@ -189,7 +192,7 @@ class WrittenAntenna:
         out['Gain'] = self.gain_db
         return out
 
-    def metadata(self, time_s: np.ndarray, carrier_hz: float) -> dict:
+    def metadata(self, time_s: np.ndarray, carrier_hz: float) -> dict[str, Any]:
         """Element Antenna, by times of the vectors, seconds; tells what its polynomial misses."""
         if self.polynomial.error_db > TOLD_DB:
             _logger.warning(
@@ -213,13 +216,13 @@ class WrittenAntenna:
                 'Element': {'GainPoly': nothing, 'PhasePoly': nothing},
                 'GainPhaseArray': [{'Freq': float(carrier_hz), 'ArrayId': TABLE}]}]}
 
-    def support_array(self) -> dict:
+    def support_array(self) -> dict[str, Any]:
         """Element SupportArray."""
         return {'AntGainPhase': [{
             'Identifier': TABLE, 'ElementFormat': 'Gain=F4;Phase=F4;', 'X0': self.first[0],
             'Y0': self.first[1], 'XSS': self.step[0], 'YSS': self.step[1]}]}
 
-    def data(self) -> dict:
+    def data(self) -> dict[str, Any]:
         """Where the table stands, for the element Data."""
         rows, columns = self.gain_db.shape
         return {'Identifier': TABLE, 'NumRows': rows, 'NumCols': columns,
