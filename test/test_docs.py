@@ -41,8 +41,8 @@ def _run_python(page) -> dict:
     return names
 
 
-def test_readme_example_forms_the_image(capsys):
-    names = _run_python(ROOT / 'README.md')
+def test_the_example_without_ros_forms_the_image(capsys):
+    names = _run_python(ROOT / 'docs' / 'install.md')
     brightest = max(names['scenario'].scatterers, key=lambda s: abs(s.amplitude))
     grid = names['scenario'].grid
     x, y = grid.x_m[names['column']], grid.y_m[names['row']]
