@@ -106,3 +106,12 @@ def test_the_sources_pass_their_tests(sources):
                'test/test_package.py', 'test/msg_conversions', 'test/signal/test_pulses.py',
                'test/recordings/test_bag_io.py', 'test/tools/test_completion.py', cwd=sources)
     assert run.returncode == 0, run.stdout[-3000:]
+
+
+def test_the_conda_recipe_is_one():
+    """Parsed and rendered by rattler-build; building it needs a channel of conda."""
+    rattler_build = pytest.importorskip(
+        'rattler_build', reason='the extra release of pyproject.toml is not installed')
+    recipe = rattler_build.Stage0Recipe.from_yaml((ROOT / 'conda' / 'recipe.yaml').read_text())
+    [variant] = recipe.render()
+    assert f"package='sar_imaging', version='{sar_imaging.__version__}'" in repr(variant)

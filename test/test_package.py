@@ -204,7 +204,8 @@ def test_setup_and_requirements_pin_the_same_versions():
 def test_extras_are_what_make_installs():
     extras = _project()['optional-dependencies']
     for extra in ('formats', 'archive', 'docs', 'lint', 'release'):
-        lines = (ROOT / f'requirements-{extra}.txt').read_text().splitlines()
+        lines = [line.split('  #')[0] for line in (
+            ROOT / f'requirements-{extra}.txt').read_text().splitlines()]
         missing = {*extras[extra]} - {*lines, 'sar_imaging[formats]', 'sar_imaging[tools]'}
         assert not missing, f'requirements-{extra}.txt lacks {missing}'
     assert 'sar_imaging[formats]' in extras['archive']
@@ -399,3 +400,15 @@ def test_functions_take_few_arguments():
                           'fusion_error', 'aliasing_error', '_whole', '_band', 'plan',
                           'overwriting_rounds', '_expansion_errors', '_commensurate'}
     assert {name for name, n in many.items() if n >= 12} == {'plan_image'}
+
+
+def test_the_conda_recipe_is_of_this_version():
+    recipe = yaml.safe_load((ROOT / 'conda' / 'recipe.yaml').read_text())
+    assert recipe['context']['version'] == sar_imaging.__version__
+    needed = {'python' + _setup_keywords()['python_requires'], *_project()['dependencies']}
+    assert {line.replace(' ', '') for line in recipe['requirements']['run']} == needed
+    [program] = _setup_keywords()['entry_points']['console_scripts']
+    assert recipe['build']['python']['entry_points'] == [program]
+    about = recipe['about']
+    assert (about['homepage'], about['summary'], about['license']) == (
+        _setup_keywords()['url'], _project()['description'], _setup_keywords()['license'])

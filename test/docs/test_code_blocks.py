@@ -21,7 +21,8 @@ PAGES = {path.relative_to(ROOT).as_posix(): path for path in sorted([
     *ROOT.glob('*.md'), *(ROOT / 'docs').rglob('*.md'), ROOT / 'bags' / 'README.md'])}
 # Tests that run a page and look at what comes out. They name the page.
 RUN_BY = {
-    'docs/install.md': 'test_docs.py', 'docs/theory.md': 'test_docs.py', 'docs/grids.md': 'test_docs.py',
+    'docs/install.md': 'test_docs.py', 'docs/theory.md': 'test_docs.py',
+    'docs/grids.md': 'test_docs.py',
     'docs/radiometry.md': 'test_docs.py', 'docs/exploitation.md': 'test_docs.py',
     'docs/from_files_to_maps.md': 'test_docs.py', 'docs/earth.md': 'test_docs.py',
     'docs/illumination.md': 'test_docs.py', 'docs/weekend.md': 'test_weekend.py',
