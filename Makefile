@@ -116,9 +116,10 @@ lint: environment
 # What a version needs before it is published, see docs/releasing.md.
 # What cannot be checked here is told as skipped.
 release-check: environment
-	@$(RUN) -c 'import build, twine, rattler_build' 2>/dev/null || \
+	@$(RUN) -c 'import build, twine, rattler_build, spellchecker' 2>/dev/null || \
 	    $(RUN) -m pip install --quiet --disable-pip-version-check -r requirements-release.txt
-	@$(RUN) -m pytest -m release test/test_package.py test/test_distribution.py
+	@$(RUN) -m pytest -m release test/test_package.py test/test_distribution.py \
+	    test/docs/test_spelling.py
 
 # The suite takes a part of this.
 processors: environment

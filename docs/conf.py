@@ -29,7 +29,7 @@ extensions = [
     'links',
     'mathml',
 ]
-exclude_patterns = ['_contents.md', '_templates', 'examples', 'extensions']
+exclude_patterns = ['_contents.md', '_templates', 'examples', 'extensions', 'paper']
 templates_path = ['_templates']
 
 # Markdown is written for GitHub: headings have its anchors, `$` and ```mermaid work as there.
