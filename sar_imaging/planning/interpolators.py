@@ -37,6 +37,14 @@ _DRIFTS = 9  # of a table of errors
 _COARSER = 4  # frequencies at which errors are computed than those of tables
 
 
+NOT_READ = 3  # pixels of the margin of a polar grid
+
+
+def margin(taps: int) -> int:
+    """Pixels that a polar grid must reach beyond a map on all sides."""
+    return taps // 2 + 2 + NOT_READ
+
+
 @dataclasses.dataclass(frozen=True)
 class Interpolator:
     """Weights that turn samples into polynomials.

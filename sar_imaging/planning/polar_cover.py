@@ -22,7 +22,7 @@ from ..geometry.track import side_of, track_beside
 from ..signal.radar import RadarParameters
 from .aliasing_error import TAPERS_NEEDED, used_share
 from .echo_power import echo_powers, spread_frequencies, tail_error
-from .interpolators import Interpolator, fitting_interpolator
+from .interpolators import Interpolator, fitting_interpolator, margin
 from .plan import total_db
 from .profiles import RangeGate, RangeResampling, echoes_for_means, plan_resampling
 
@@ -32,14 +32,8 @@ if TYPE_CHECKING:
 # Taps of the interpolation, and of that along direction where the spectrum is deapodised. Along
 # range it cannot be: along a line of the map direction changes, too, and so does range's gain.
 TAPS, DEAPODISED_TAPS = 14, 6
-NOT_READ = 3  # pixels of the margin
 DEGREE = 5  # of the polynomials
 LEAST_RANGES = 16  # of the polar image: a vector of the kernels
-
-
-def margin(taps: int) -> int:
-    """Pixels that a polar grid must reach beyond a map on all sides."""
-    return taps // 2 + 2 + NOT_READ
 
 
 def range_axis(polar: PolarGrid, grid: MapGrid) -> int:

@@ -5,7 +5,7 @@
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from sar_imaging.backends.cpu.backprojection import AzimuthUpsampling
+from sar_imaging.backends.cpu.polar_image import AzimuthUpsampling
 from sar_imaging.backends.reference.upsample_azimuth import upsample_azimuth
 from sar_imaging.geometry.polar import PolarGrid
 from sar_imaging.planning.exact.polar_image import DEGREE, TAPS, AzimuthParts

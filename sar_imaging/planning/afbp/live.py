@@ -21,9 +21,9 @@ from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
 from ..echo_power import echo_powers
-from ..interpolators import Interpolator
+from ..interpolators import Interpolator, margin
 from ..plan import LIVE_SHARES, remaining_db, total_db
-from ..polar_cover import DEAPODISED_TAPS, PolarCover, margin
+from ..polar_cover import DEAPODISED_TAPS, PolarCover
 from .plan import AfbpPlan, check_arguments
 from .polar_grids import cover_for_fusion
 from .subapertures import LocalSpectrum, local_spectrum, plan_subapertures

@@ -17,18 +17,9 @@ from ...geometry.polar import PolarGrid, edge_positions
 from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
 from ..aliasing_error import TONES, PixelDensity, taper_band
 from ..exact.illumination import LitPolar
-from ..interpolators import Interpolator, design_interpolator
+from ..interpolators import NOT_READ, Interpolator, design_interpolator, margin
 from ..plan import AFBP_SHARES, PASSES_DB, error_budget, remaining_db
-from ..polar_cover import (
-    DEAPODISED_TAPS,
-    DEGREE,
-    NOT_READ,
-    TAPS,
-    PolarCover,
-    cover_map,
-    margin,
-    range_axis,
-)
+from ..polar_cover import DEAPODISED_TAPS, DEGREE, TAPS, PolarCover, cover_map, range_axis
 from ..profiles import PhaseHistory
 
 _MAX_PIXELS = 2 ** 31  # of each grid; far beyond any memory, and safe to multiply

@@ -41,10 +41,10 @@ from .points import (
     plan_points,
     point_operations,
 )
-from .polar_image import PolarPlan, plan_polar
 
 if TYPE_CHECKING:
     from .illumination import LitLines
+    from .polar_image import PolarPlan
 
 _SAMPLES_PER_SIDE = {2: 5, 3: 3}  # grid positions at which the geometry is bounded, by axes
 
@@ -286,6 +286,8 @@ def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, 
         routes.append((costs().grouped_pixel, lambda: plan_groups(
             grid, *where, lines.range_m, target_db)))
     elif isinstance(grid, MapGrid):  # polar images lie on horizontal planes
+        from .polar_image import plan_polar
+
         routes.append((costs().map_pixel, lambda: plan_polar(
             grid, tx_m, rx_m, radar, n_samples, target_db, illumination)))
     route, cost = None, costs().point_pixel * len(tx_m)
@@ -299,7 +301,7 @@ def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, 
         needed = found.cost if not groups else costs().nanoseconds(
             found.operations(grid, len(tx_m))) / math.prod(grid.shape)
         if needed < cost and (
-                illumination is None or found.method != PolarPlan.method
+                illumination is None or found.method != 'polar'
                 or total_db(*found.errors_db.values()) <= target_db):
             route, cost = found, needed
     if route is None:

@@ -33,10 +33,10 @@ from ..interpolators import (
     design_interpolator,
     known_errors,
     least_oversampling,
+    margin,
     sufficient_interpolators,
 )
 from ..plan import EXACT_SHARES, PASSES_DB, Plan, error_budget, total_db
-from ..polar_cover import margin
 from ..profiles import RangeGate, RangeResampling, plan_point_resampling
 from ..transform_lengths import row_length
 from .group_geometry import (
