@@ -12,6 +12,7 @@ from .layout import Dims
 
 MAX_TIME_NS = 2**31 * 10**9 - 1  # builtin_interfaces/Time has 32 bits of seconds
 
+
 def from_parts(head: np.ndarray, content: np.ndarray, dims: Dims) -> Float32MultiArray:
     """Message of a header and complex numbers; both are copied once.
 

@@ -171,7 +171,6 @@ def test_the_example_of_illumination_forms_the_image(capsys):
     assert 'illumination' in capsys.readouterr().out
 
 
-
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_links_lead_somewhere(page):
     for target, anchor in re.findall(r'\]\(([^)#]*)#?([^)]*)\)', _prose(page)):

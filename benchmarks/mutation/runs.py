@@ -47,10 +47,6 @@ class Runner:
         import hypothesis  # noqa: F401 here since the variables must stand before
         import matplotlib.pyplot  # noqa: F401
         import numba  # noqa: F401
-        import scipy.fft
-        import scipy.interpolate
-        import scipy.optimize
-        import scipy.signal
         import scipy.spatial  # noqa: F401
 
     def result(self, mutation: Mutation, tests: Sequence[str], seconds: float) -> dict[str, str]:

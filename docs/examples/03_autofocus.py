@@ -72,6 +72,7 @@ axes[0].set_ylabel('y (m)')
 # order, a constant velocity. What autofocus found is therefore compared with the true error after
 # both have lost their constant and linear parts, along the line of sight.
 
+
 def bend_m(track_m):
     """Line-of-sight distance to the middle of the grid, less its constant and linear part."""
     distance_m = np.linalg.norm(track_m[:, 0] - grid.centre_m, axis=-1)

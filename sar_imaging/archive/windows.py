@@ -104,7 +104,6 @@ class Window:
             for column in range(whole.column0, whole.column1, tile):
                 yield Window(row, row + tile, column, column + tile)
 
-
     def strips(self, n_rows: int) -> Iterator[Window]:
         """The window in parts of some rows."""
         for row in range(self.row0, self.row1, n_rows):

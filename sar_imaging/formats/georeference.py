@@ -192,4 +192,3 @@ def _distance(places: Sequence[np.ndarray], others: Sequence[np.ndarray]) -> flo
     north = meridian * np.radians(places[0] - others[0])
     east = SEMI_MAJOR_M / root * np.cos(latitude) * np.radians(turn)
     return float(np.hypot(north, east).max(initial=0.0))
-

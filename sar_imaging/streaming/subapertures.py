@@ -30,6 +30,7 @@ from .subaperture_image import SubapertureEnds, SubapertureImage
 if TYPE_CHECKING:
     from ..backends.protocol import Backend
 
+
 @dataclasses.dataclass
 class LiveStatistics(ApertureStatistics):
     """Counts of `LiveSubapertures`; `images` are those of sub-apertures."""

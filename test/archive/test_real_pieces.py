@@ -53,7 +53,6 @@ _NITF_DATES = re.compile(rb'\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?Z')
 _NITF_HEADER_DATE = slice(25, 39)
 
 
-
 @pytest.fixture(scope='module')
 def archives(tmp_path_factory):
     """Job files, each beside its recordings."""

@@ -69,6 +69,7 @@ def test_everything_about_a_pipeline(make_chain, make_observer, spotlight):
     observer.send(blocks[4:])
     observer.wait_for('image_complex', 2)
     # Topics keep no order among each other: the image may overtake the last profiles.
+
     def received():
         return [pulse_block.from_message(m) for m in observer.messages['range_profiles']]
 

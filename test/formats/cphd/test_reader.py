@@ -388,8 +388,6 @@ def test_chunks_are_as_small_as_memory_wants_and_equal_the_whole(tmp_path):
     np.testing.assert_array_equal(some[0].counter, [10, 11])
 
 
-
-
 @pytest.mark.parametrize(('vector', 'name', 'text'), [
     (17, 'TxPos', 'TxPos lies farther .* in 1 of 40 vectors, first in number 17'),
     (0, 'RcvPos', 'RcvPos lies farther .* in 1 of 40 vectors, first in number 0'),
