@@ -14,6 +14,7 @@ code is written.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -24,42 +25,42 @@ from ...compilation import njit, numba
 from ...planning.exact.groups import QUAD, GroupedMap, GroupPlan
 from ...planning.exact.points import ImagePoints
 from .instructions import (
+    DOUBLE,
     FLOAT,
     INT,
+    INT32,
     LANES,
     Vector,
     instructions,
     job_counter,
     take_job,
 )
-from .lines import _cos_cycles, _expand_phasor, _fraction, _sin_cycles
 from .memory import WorkSpace
 from .points import project_points
-from .polar_to_map import group_to_map
+from .polar_to_map import _COSINES, _SINES, _polynomial, group_to_map
 from .profiles import Profiles
 
 LINES = 16  # of a part whose geometry is computed together
 _CHUNK_BYTES = 6 << 20  # coefficients of the echoes that are added together, on each thread
 _BLOCK_BYTES = 8 * LANES
 _FLOATS = ir.VectorType(FLOAT, LANES)
-_i = types.int64
+_i, _d = types.int64, types.float64
 
 
-@instructions(_i, _i, None, _i, _i, _i, _i)
-def add_echo(b, planes, plane_bytes, degrees, coefficients, work, n_vectors, numbers):
+@instructions(_i, _i, None, _i, _i, _i, _i, _i)
+def add_echo(b, planes, plane_bytes, degrees, coefficients, work, behind, n_vectors, numbers):
     """Add an echo to a segment of a line, LANES ranges at a time.
 
     `planes` is the address of the first real coefficient, `degrees` a tuple as long as their
     degree, `coefficients` the first of eleven, LINES float32 apart: of the position, a parabola,
-    and of the phasor, cubics. `work` is the real part of the segment, behind which lies the
-    imaginary one; `numbers` counts the ranges from the middle.
+    and of the phasor, cubics. `work` is the real part of the segment, `behind` bytes after which
+    lies the imaginary one; `numbers` counts the ranges from the middle.
     """
     degree = degrees.type.count
     k = [b.spread(b.load(b.pointer(coefficients, FLOAT, 4 * LINES * n)), LANES) for n in range(11)]
     rows = [planes]
     for _ in range(2 * degree + 1):
         rows.append(b.add(rows[-1], plane_bytes))
-    behind = b.mul(n_vectors, INT(4 * LANES))
     before, loop, end = b.block, b.append_basic_block(), b.append_basic_block()
     b.branch(loop)
     b.position_at_end(loop)
@@ -89,6 +90,33 @@ def add_echo(b, planes, plane_bytes, degrees, coefficients, work, n_vectors, num
     following = b.add(index, INT(1))
     index.add_incoming(INT(0), before)
     index.add_incoming(following, loop)
+    b.cbranch(b.icmp_signed('<', following, n_vectors), loop, end)
+    b.position_at_end(end)
+
+
+@instructions(_i, _i, _i, _i, _d, _d, _d, _d, _i, _i)
+def store_line(b, work, behind, n_vectors, numbers, constant, first, second, third, to, step):
+    """Store a segment of a line times a phasor, LANES ranges at a time, `step` bytes apart.
+
+    The phasor's cycles are a cubic in `numbers`; other arguments are those of `add_echo`.
+    """
+    cycles = [b.spread(v, LANES).rounded() for v in (third, second, first, constant)]
+    before, loop, end = b.block, b.append_basic_block(), b.append_basic_block()
+    b.branch(loop)
+    b.position_at_end(loop)
+    index, place = b.phi(INT), b.phi(INT)
+    shift = b.mul(index, INT(4 * LANES))
+    f, re, im = (Vector(b, b.load(b.pointer(b.add(address, shift), _FLOATS), align=4))
+                 for address in (numbers, work, b.add(work, behind)))
+    g = _polynomial(cycles, f)
+    g = g - g.call('rint')
+    sine, cosine = g * _polynomial(_SINES, g * g), _polynomial(_COSINES, g * g)
+    for part, value in enumerate((re * cosine - im * sine, re * sine + im * cosine)):
+        b.store(value.value, b.pointer(place, _FLOATS, part * 4 * LANES), align=4)
+    following = b.add(index, INT(1))
+    for phi, start, later in ((index, INT(0), following), (place, to, b.add(place, step))):
+        phi.add_incoming(start, before)
+        phi.add_incoming(later, loop)
     b.cbranch(b.icmp_signed('<', following, n_vectors), loop, end)
     b.position_at_end(end)
 
@@ -144,11 +172,13 @@ class Cells(NamedTuple):
         First of the echoes.
     n_phases, n_planes, n_cells : int
         Their shape but for the echoes.
-    range_zero_m, step_m : float
-        Half path at the first cell after as many of padding as a segment has, and from position
-        to position.
-    cycles_per_m, phase_range_m : float
-        Of the carrier, and the half path at which its phase is zero.
+    step_m, cycles_per_m : float
+        Half path from position to position, and cycles of the carrier.
+    constants : (7,) float64
+        As `expand_echo` takes them: half path at the first cell after as many of padding as a
+        segment has, metres; positions in a metre; cycles of the carrier from position to position,
+        and at that cell; 1 over `n_phases`; the last cell that a segment may begin with its middle
+        at; and coefficients of a phase.
     """
 
     planes: int
@@ -156,10 +186,9 @@ class Cells(NamedTuple):
     n_phases: int
     n_planes: int
     n_cells: int
-    range_zero_m: float
     step_m: float
     cycles_per_m: float
-    phase_range_m: float
+    constants: np.ndarray
 
 
 class PartLines(NamedTuple):
@@ -198,6 +227,7 @@ class PartWork(NamedTuple):
     sums: np.ndarray
     coefficients: np.ndarray
     paths: np.ndarray
+    drifts: np.ndarray
     places: np.ndarray
     numbers: np.ndarray
 
@@ -238,21 +268,99 @@ def line_geometry(middles, alpha, height, least, reach, out):
             out[s, b, 6, i] = 6.0 * third / (u * u * u)
 
 
-@njit(inline='always')
-def _paths(geometry, r, centres, echo, s, block, paths, task, to):
-    """Distances of the middles of LINES lines from a phase centre, and three derivatives by r."""
-    x, y, c = centres[echo, 0], centres[echo, 1], centres[echo, 2]
-    for j in range(LINES):
-        square = (geometry[s, block, 1, j] - 2.0 * x * geometry[s, block, 0, j] + c
-                  - 2.0 * y * geometry[s, block, 3, j])
-        d = np.sqrt(square)
-        inverse = 1.0 / d
-        d1 = (r - x * geometry[s, block, 2, j] - y * geometry[s, block, 4, j]) * inverse
-        d2 = (1.0 - y * geometry[s, block, 5, j] - d1 * d1) * inverse
-        paths[task, to, j] = d
-        paths[task, to + 1, j] = d1
-        paths[task, to + 2, j] = d2
-        paths[task, to + 3, j] = (-y * geometry[s, block, 6, j] - 3.0 * d1 * d2) * inverse
+@instructions(_i, _d, _i, _i)
+def find_paths(b, geometry, r, centre, paths):
+    """Distances of a segment's middle from a phase centre and three derivatives by r.
+
+    `geometry` is the address of those of `line_geometry` for LINES lines, `centre` that of X, Y
+    and c; what is found is (4, LINES) float64 at `paths`.
+    """
+    ar, rr, alpha, f, f1, f2, f3 = (_row(b, geometry, n) for n in range(7))
+    x, y, c = (b.spread(b.load(b.pointer(centre, DOUBLE, 8 * n)), LINES) for n in range(3))
+    square = rr - (x + x) * ar + c - (y + y) * f
+    d = square.call('sqrt')
+    inverse = Vector(b, b.fdiv(square.value.type([1.0] * LINES), d.value))
+    d1 = (b.spread(r, LINES) - x * alpha - y * f1) * inverse
+    d2 = (-(y * f2) - d1 * d1 + 1.0) * inverse
+    d3 = (-(y * f3) - d1 * d2 * 3.0) * inverse
+    for n, value in enumerate((d, d1, d2, d3)):
+        _put(b, value, paths, n)
+
+
+@instructions(_i, _i, _d, _d, _d, _i)
+def find_drifts(b, paths, others, per_cell, spacing, n_phases, drifts):
+    """First to third order of segments' drifts over the lattice, (3, LINES) float64 at `drifts`.
+
+    In positions per range; `paths` and `others` are the addresses of what `find_paths` found of
+    transmitter and receiver.
+    """
+    for n, drift in enumerate(_drifts(b, paths, others, per_cell, spacing, n_phases)):
+        _put(b, drift, drifts, n)
+
+
+@instructions(_i, _i, _d, _d, _d, _i, _i, _d, _i, _i)
+def expand_echo(b, paths, others, per_cell, spacing, n_phases, drifts, constants, half,
+                coefficients, places):
+    """Coefficients for `add_echo` of LINES lines, and from which cells on they read.
+
+    The phasor is less what the echoes of a part share, whose `drifts` are as of `find_drifts`.
+    Its quartic term is folded into the constant and the quadratic one (Chebyshev economisation),
+    which leaves an eighth of it. `constants` is the address of `Cells.constants`, `half` that of
+    a segment; places are int32.
+    """
+    zero, inverse_step, cycles_per_step, cycles, inverse_phases, last, per_phase = (
+        b.spread(b.load(b.pointer(constants, DOUBLE, 8 * n)), LINES) for n in range(7))
+    v = ((_row(b, paths, 0) + _row(b, others, 0)) * 0.5 - zero) * inverse_step
+    n = v.call('floor')
+    cell = ((n + 0.5) * inverse_phases).call('floor')
+    phases, half = b.spread(n_phases, LINES), b.spread(half, LINES)
+    phase = n - cell * phases
+    # A segment outside the profile reads padding only.
+    cell = cell.where('>', -half, cell, -half)
+    cell = cell.where('<', last, cell, last)
+    place = b.fptosi((phase * per_phase + cell + half).value, ir.VectorType(INT32, LINES))
+    b.store(place, b.pointer(places, place.type), align=4)
+    t = v - n
+    drift = _drifts(b, paths, others, per_cell, spacing, n_phases)
+    turns = n * cycles_per_step + cycles
+    turns = turns - turns.call('rint') + t * cycles_per_step
+    g = (turns - turns.call('rint')).rounded()
+    sine, cosine = g * _polynomial(_SINES, g * g), _polynomial(_COSINES, g * g)
+    a, second, third = (((one - _row(b, drifts, n)) * cycles_per_step * (2 * np.pi)).rounded()
+                        for n, one in enumerate(drift))
+    aa, square = a * a, (half * half).rounded()
+    # exp(j (a f + b f^2 + c f^3)) = 1 + j a f + (j b - a^2/2) f^2 + ...
+    r4 = aa * aa * (1 / 24) - second * second * 0.5 - a * third
+    i4 = -(aa * second * 0.5)
+    r3, i3 = -(a * second), third - aa * a * (1 / 6)
+    r2, i2 = square * r4 - aa * 0.5, square * i4 + second
+    fourth = square * square * (-1 / 8)
+    r0, i0 = fourth * r4 + 1.0, fourth * i4
+    for n, value in enumerate((
+            t.rounded(), drift[0].rounded(), drift[1].rounded(),
+            cosine * r0 - sine * i0, cosine * i0 + sine * r0, -(sine * a), cosine * a,
+            cosine * r2 - sine * i2, cosine * i2 + sine * r2,
+            cosine * r3 - sine * i3, cosine * i3 + sine * r3)):
+        _put(b, value, coefficients, n)
+
+
+def _drifts(b, paths, others, per_cell, spacing, n_phases):
+    scale, spacing = b.spread(per_cell, LINES) * 0.5, b.spread(spacing, LINES)
+    first, second, third = (_row(b, paths, n) + _row(b, others, n) for n in (1, 2, 3))
+    twice = scale * spacing * 0.5
+    return (first * scale - b.spread(n_phases, LINES), second * twice,
+            third * twice * spacing * (1 / 3))
+
+
+def _row(b, address, number) -> Vector:
+    kind = ir.VectorType(DOUBLE, LINES)
+    return Vector(b, b.load(b.pointer(address, kind, number * 8 * LINES), align=8))
+
+
+def _put(b, vector, address, number) -> None:
+    kind = vector.value.type
+    size = 8 if kind.element == DOUBLE else 4
+    b.store(vector.value, b.pointer(address, kind, number * size * LINES), align=size)
 
 
 @njit(parallel=True, error_model='numpy')
@@ -298,98 +406,50 @@ def _form_segment(cells, degrees, tx, rx, repeats, part, frequency, lines, work,
     """A segment of LINES lines of a part."""
     begin, end = part[0], part[1]
     segment = len(work.numbers)
-    half, n_some = segment // 2, min(LINES, lines.n_lines - block * LINES)
-    r, dr = lines.middles[s], lines.spacing_m
+    n_some = min(LINES, lines.n_lines - block * LINES)
+    n_vectors = min(segment, lines.n_range - s * segment) // LANES
+    r, dr, n_phases = lines.middles[s], lines.spacing_m, 1.0 * cells.n_phases
     per_cell = dr / cells.step_m
-    cycles_per_step = np.float32(cells.cycles_per_m * cells.step_m)
-    sums, k, paths, places = work.sums, work.coefficients, work.paths, work.places
     per_echo = cells.n_phases * cells.n_planes * cells.n_cells
-    at_sums = sums.ctypes.data + 4 * task * 2 * LINES * segment
-    at_k = k.ctypes.data + 4 * task * 14 * LINES
+    geometry = lines.geometry.ctypes.data + 8 * (s * (len(lines.alpha) // LINES) + block) * (
+        7 * LINES)
+    sums = work.sums.ctypes.data + 8 * task * LINES * segment
+    coefficients = work.coefficients.ctypes.data + 4 * task * 11 * LINES
+    paths = work.paths.ctypes.data + 8 * task * 8 * LINES
+    drifts = work.drifts.ctypes.data + 8 * task * 3 * LINES
+    constants, numbers = cells.constants.ctypes.data, work.numbers.ctypes.data
+    at_tx, at_rx = tx.ctypes.data, rx.ctypes.data
     for i in range(2 * LINES * segment):
-        sums[task, i] = 0.0
+        work.sums[task, i] = 0.0
     middle = (begin + end) // 2
-    _paths(lines.geometry, r, tx, middle, s, block, paths, task, 0)
-    _paths(lines.geometry, r, rx, middle, s, block, paths, task, 4)
-    _drifts(paths, task, 4, per_cell, dr, cells.n_phases, k, 11)
+    others = paths + 8 * 4 * LINES
+    find_paths(geometry, r, at_tx + 24 * middle, paths)
+    find_paths(geometry, r, at_rx + 24 * middle, others)
+    find_drifts(paths, others, per_cell, dr, n_phases, drifts)
     for echo in range(begin, end):
         if repeats[echo, 0] == 0 or echo == begin:
-            _paths(lines.geometry, r, tx, echo, s, block, paths, task, 0)
-        other = 0
+            find_paths(geometry, r, at_tx + 24 * echo, paths)
+        others = paths
         if repeats[echo, 1] == 0:
-            other = 4
-            _paths(lines.geometry, r, rx, echo, s, block, paths, task, 4)
-        _drifts(paths, task, other, per_cell, dr, cells.n_phases, k, 1)
-        _begin(cells, paths, task, other, segment, k, places)
-        for j in range(LINES):
-            _expand_phasor(k, task, j, cycles_per_step, half)
-        offset = (echo - cells.first) * per_echo
+            others = paths + 8 * 4 * LINES
+            find_paths(geometry, r, at_rx + 24 * echo, others)
+        expand_echo(paths, others, per_cell, dr, n_phases, drifts, constants, 0.5 * segment,
+                    coefficients, work.places.ctypes.data + 4 * task * LINES)
+        planes = cells.planes + 4 * (echo - cells.first) * per_echo
         for j in range(n_some):
-            add_echo(cells.planes + 4 * (places[task, j] + offset), 4 * cells.n_cells,
-                     degrees, at_k + 4 * j, at_sums + 8 * j * segment, segment // LANES,
-                     work.numbers.ctypes.data)
-    _store_lines(cells, frequency, part[2], lines, work, task, block, s, n_some)
-
-
-@njit(inline='always')
-def _drifts(paths, task, other, per_cell, dr, n_phases, k, first):
-    """First to third order of a segment's drift over the lattice, in steps per range."""
-    for j in range(LINES):
-        k[task, first, j] = 0.5 * per_cell * (
-            paths[task, 1, j] + paths[task, other + 1, j]) - n_phases
-        k[task, first + 1, j] = 0.25 * per_cell * dr * (
-            paths[task, 2, j] + paths[task, other + 2, j])
-        k[task, first + 2, j] = per_cell * dr * dr / 12.0 * (
-            paths[task, 3, j] + paths[task, other + 3, j])
-
-
-@njit(inline='always')
-def _begin(cells, paths, task, other, segment, k, places):
-    """Position in the middle of a segment: within its interval, its phase, and its cell."""
-    half = segment // 2
-    for j in range(LINES):
-        d = 0.5 * (paths[task, 0, j] + paths[task, other, j])
-        v = (d - cells.range_zero_m) / cells.step_m
-        n = np.floor(v)
-        cell = np.floor((n + 0.5) / cells.n_phases)
-        phase = n - cell * cells.n_phases
-        k[task, 0, j] = v - n
-        cycles = cells.cycles_per_m * (cells.range_zero_m - cells.phase_range_m + n * cells.step_m)
-        k[task, 4, j] = cycles - np.rint(cycles)
-        # A segment outside the profile reads padding only.
-        cell = min(max(cell, -1.0 * half), cells.n_cells - 2.0 * segment + half)
-        places[task, j] = np.int64(phase * cells.n_planes * cells.n_cells + cell + half)
-
-
-@njit(inline='always')
-def _store_lines(cells, frequency, number, lines, work, task, block, s, n_some):
-    """Lines of a segment at range baseband, with the phasor that the echoes of the part share."""
-    segment, r, dr = len(work.numbers), lines.middles[s], lines.spacing_m
-    sums, k, images = work.sums, work.coefficients, lines.images
-    cycles_per_step = np.float32(cells.cycles_per_m * cells.step_m)
-    length, lanes, half = np.uint64(segment), np.uint64(LANES), segment // 2
-    n_vectors = min(segment, lines.n_range - s * segment) // LANES
+            add_echo(planes + 4 * np.int64(work.places[task, j]), 4 * cells.n_cells, degrees,
+                     coefficients + 4 * j, sums + 8 * j * segment, 4 * segment, n_vectors,
+                     numbers)
+    # at range baseband, with the phasor that the echoes of the part share
+    step, scale = lines.n_parts * lines.n_lines, cells.cycles_per_m * cells.step_m
     for j in range(n_some):
         line = block * LINES + j
         c = -cells.cycles_per_m * (r - lines.range_m) - frequency * lines.alpha[line]
-        c0 = np.float32(c - np.rint(c))
-        b1 = np.float32(cells.cycles_per_m * (
-            (k[task, 11, j] + cells.n_phases) * cells.step_m - dr))
-        b2 = cycles_per_step * k[task, 12, j]
-        b3 = cycles_per_step * k[task, 13, j]
-        source = np.uint64(2 * j * segment)
-        for vector in range(n_vectors):
-            to = np.uint64((((s * segment // LANES + vector) * lines.n_parts + number)
-                            * lines.n_lines + line) * 2 * LANES)
-            f0 = np.float32(vector * LANES - half)
-            begin = source + np.uint64(vector * LANES)
-            for i in range(lanes):
-                f = np.float32(i) + f0
-                g = _fraction(c0 + f * (b1 + f * (b2 + f * b3)))
-                sine, cosine = _sin_cycles(g, g * g), _cos_cycles(g * g)
-                re, im = sums[task, begin + i], sums[task, begin + length + i]
-                images[to + i] = re * cosine - im * sine
-                images[to + lanes + i] = re * sine + im * cosine
+        first = scale * (work.drifts[task, 0, j] + n_phases) - cells.cycles_per_m * dr
+        place = (s * (segment // LANES) * lines.n_parts + part[2]) * lines.n_lines + line
+        store_line(sums + 8 * j * segment, 4 * segment, n_vectors, numbers, c - np.rint(c), first,
+                   scale * work.drifts[task, 1, j], scale * work.drifts[task, 2, j],
+                   lines.images.ctypes.data + place * _BLOCK_BYTES, step * _BLOCK_BYTES)
 
 
 @njit(error_model='numpy')
@@ -526,9 +586,14 @@ class _Map:
     def _cells(self, samples, first: int, end: int) -> Cells:
         profiles, lattice = self._profiles, self.plan.lattice
         planes = self._planes = profiles.planes(samples[first:end])
-        return Cells(planes.ctypes.data, first, *planes.shape[1:],
-                     profiles.range_at(lattice.segment), lattice.step_m, self._cycles_per_m,
-                     float(self._phase_range_m))
+        _, n_phases, n_planes, n_cells = planes.shape
+        zero_m, segment = profiles.range_at(lattice.segment), lattice.segment
+        cycles = self._cycles_per_m * (zero_m - self._phase_range_m)
+        return Cells(planes.ctypes.data, first, n_phases, n_planes, n_cells, lattice.step_m,
+                     self._cycles_per_m, np.array([
+                         zero_m, 1 / lattice.step_m, self._cycles_per_m * lattice.step_m,
+                         math.fmod(cycles, 1.0), 1 / n_phases, n_cells - 1.5 * segment,
+                         n_planes * n_cells]))
 
     def _lines(self, number: int) -> PartLines:
         plan, group, segment = self.plan, self.plan.groups[number], self.plan.lattice.segment
@@ -547,9 +612,10 @@ class _Map:
     def _form(self, cells, edges, part: int, end: int, number: int, lines: PartLines) -> None:
         n_tasks, segment = numba.get_num_threads(), self.plan.lattice.segment
         work = PartWork(self._memory('sums', (n_tasks, 2 * LINES * segment), np.float32),
-                        self._memory('coefficients', (n_tasks, 14, LINES), np.float32),
+                        self._memory('coefficients', (n_tasks, 11, LINES), np.float32),
                         self._memory('paths', (n_tasks, 8, LINES), np.float64),
-                        self._memory('places', (n_tasks, LINES), np.int64),
+                        self._memory('drifts', (n_tasks, 3, LINES), np.float64),
+                        self._memory('places', (n_tasks, LINES), np.int32),
                         np.arange(segment, dtype=np.float32) - segment // 2)
         parts = np.stack([edges[part:end], edges[part + 1:end + 1], np.arange(part, end)], axis=1)
         counter = job_counter()
