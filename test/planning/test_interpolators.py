@@ -17,7 +17,7 @@ from sar_imaging.planning.interpolators import (
 
 def _planes(samples, interpolator, phases=1):
     dense = np.pad(samples.reshape(-1, phases).T, ((0, 0), (TAPS, TAPS)))[None]
-    parts = np.stack([dense.real, dense.imag]).astype(np.float32)
+    parts = np.stack([dense.real, dense.imag]).astype(np.float32, order='C')
     out = np.empty((1, phases, interpolator.n_planes, len(samples) // phases), np.float32)
     farrow_coefficients(parts, interpolator.weights, interpolator.first, 0, out)
     return out[0]

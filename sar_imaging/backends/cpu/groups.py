@@ -552,26 +552,29 @@ class _Map:
         self._cycles = plan.frequency / (2 * np.pi)
         self._weights = plan.parts.weights.astype(np.float64)
         self._axes = plan.grid.x_m, plan.grid.y_m
+        number, first, end = np.arange(plan.n_parts + 1), *(
+            plan.groups[name][:, None] for name in ('first', 'end'))
+        self._edges = first + number * (end - first) // plan.n_parts
+        self._parts = np.stack([self._edges[:, :-1], self._edges[:, 1:], np.broadcast_to(
+            number[:-1], self.plan.frequency.shape)], axis=-1)
 
     def add(self, samples, image) -> None:
-        done, cells = 0, None
+        done, cells, work = 0, None, self._work()
         for number, group in enumerate(self.plan.groups):
-            lines, edges = self._lines(number), self._edges(group)
+            lines, edges = self._lines(group), self._edges[number]
             part = 0
             while part < len(edges) - 1:
                 if edges[part] >= done:
                     done = self._until(number, edges, part)
                     cells = self._cells(samples, int(edges[part]), done)
                 end = int(np.searchsorted(edges, done, 'right')) - 1
-                self._form(cells, edges, part, end, number, lines)
+                counter = job_counter()
+                form_parts(cells, (0,) * (cells.n_planes // 2 - 1), self.plan.tx, self.plan.rx,
+                           self._repeats, self._parts[number, part:end], self._cycles[number],
+                           lines, work, counter.ctypes.data)
                 part = end
             total = self._merged(number, lines)
             group_to_map(total, group, self._axes, self.plan, self._cycles_per_m, image)
-
-    def _edges(self, group) -> np.ndarray:
-        """First echo of each part, and the end of the last."""
-        n = self.plan.n_parts
-        return group['first'] + np.arange(n + 1) * (group['end'] - group['first']) // n
 
     def _until(self, number: int, edges, part: int) -> int:
         """End of the echoes that are resampled together: whole groups, or whole parts of one."""
@@ -595,33 +598,27 @@ class _Map:
                          math.fmod(cycles, 1.0), 1 / n_phases, n_cells - 1.5 * segment,
                          n_planes * n_cells]))
 
-    def _lines(self, number: int) -> PartLines:
-        plan, group, segment = self.plan, self.plan.groups[number], self.plan.lattice.segment
-        n_range, n_lines, dr = int(group['n_range']), int(group['n_coarse']), plan.lattice.spacing
-        middles = group['range_m'] + dr * (segment // 2 + segment * np.arange(
-            -(-n_range // segment)))
-        n_blocks = -(-n_lines // LINES)
-        alpha = group['coarse'] + group['coarse_spacing'] * np.arange(n_blocks * LINES)
-        geometry = self._memory('geometry', (len(middles), n_blocks, 7, LINES), np.float64)
-        line_geometry(middles, alpha, group['height_m'], group['least'], 0.5 * dr * segment,
-                      geometry)
-        images = self._memory('parts', (2 * n_range * n_lines * plan.n_parts,), np.float32)
-        return PartLines(alpha, n_lines, plan.n_parts, n_range, float(group['range_m']), dr,
-                         middles, geometry, images)
-
-    def _form(self, cells, edges, part: int, end: int, number: int, lines: PartLines) -> None:
+    def _work(self) -> PartWork:
         n_tasks, segment = numba.get_num_threads(), self.plan.lattice.segment
-        work = PartWork(self._memory('sums', (n_tasks, 2 * LINES * segment), np.float32),
+        return PartWork(self._memory('sums', (n_tasks, 2 * LINES * segment), np.float32),
                         self._memory('coefficients', (n_tasks, 11, LINES), np.float32),
                         self._memory('paths', (n_tasks, 8, LINES), np.float64),
                         self._memory('drifts', (n_tasks, 3, LINES), np.float64),
                         self._memory('places', (n_tasks, LINES), np.int32),
                         np.arange(segment, dtype=np.float32) - segment // 2)
-        parts = np.stack([edges[part:end], edges[part + 1:end + 1], np.arange(part, end)], axis=1)
-        counter = job_counter()
-        degrees = (0,) * (self.plan.lattice.interpolator.n_planes // 2 - 1)
-        form_parts(cells, degrees, self.plan.tx, self.plan.rx, self._repeats, parts,
-                   self._cycles[number], lines, work, counter.ctypes.data)
+
+    def _lines(self, group) -> PartLines:
+        plan, segment = self.plan, self.plan.lattice.segment
+        n_range, n_lines, dr = int(group['n_range']), int(group['n_coarse']), plan.lattice.spacing
+        range_m, n_blocks = float(group['range_m']), -(-n_lines // LINES)
+        middles = range_m + dr * (segment // 2 + segment * np.arange(-(-n_range // segment)))
+        alpha = group['coarse'] + group['coarse_spacing'] * np.arange(n_blocks * LINES)
+        geometry = self._memory('geometry', (len(middles), n_blocks, 7, LINES), np.float64)
+        line_geometry(middles, alpha, group['height_m'], group['least'], 0.5 * dr * segment,
+                      geometry)
+        images = self._memory('parts', (2 * n_range * n_lines * plan.n_parts,), np.float32)
+        return PartLines(alpha, n_lines, plan.n_parts, n_range, range_m, dr, middles, geometry,
+                         images)
 
     def _merged(self, number: int, lines: PartLines) -> np.ndarray:
         """(n_alpha, 2, n_range) float32 sum of the parts, at baseband."""

@@ -99,7 +99,7 @@ def locate_ranges(b, ahead2, beside2, shifts, start, inverse, cycles_per_m, last
 def interpolate(b, real, imag, step, weights, taps, positions, to_real, to_imag):
     """Interpolate LANES samples; `step` is the bytes from a tap's samples to the next one's.
 
-    `weights` are those of half the taps, by powers of the distance from the middle.
+    `weights` are `Interpolator.centred`.
     """
     _interpolate_vector(b, (real, imag), step, weights, taps.type.count, positions,
                         (to_real, to_imag))
@@ -220,7 +220,7 @@ def _weighted_sums(b, places, step, weights, taps, t, later):
         return Vector(b, b.select(later, following.value, here.value))
 
     def weight(k, power):
-        return b.spread(b.load(b.pointer(weights, FLOAT, 4 * (power * half + k))), LANES)
+        return b.spread(b.load(b.pointer(weights, FLOAT, 4 * (power * taps + k))), LANES)
 
     t2, half, sums = t * t, taps // 2, [None] * len(places)
     for k in range(half):
@@ -410,16 +410,14 @@ def _interpolate(real, imag, lines: _Lines, image, rounds, add, axis, cycles_per
                  along) -> None:
     """Rows from one of `rounds` to the next, one round after the other; added or stored."""
     line, rows, direction, height_m, start, step, n_range, n_alpha = lines
-    steps = np.array(image.strides if axis == 0 else image.strides[::-1])
-    pixel = np.ptp(line) / max(len(line) - 1, 1)
+    steps = image.strides if axis == 0 else image.strides[::-1]
+    pixel = abs(line[-1] - line[0]) / max(len(line) - 1, 1)
     # ranges that _PIXELS pixels read, begun and ended by whole vectors
     length = LANES * (3 + math.ceil((_PIXELS * pixel / step + along.n_taps) / LANES))
-    r = np.maximum(start + step * np.arange(-LANES, n_range + 2 * LANES), 0.5 * start)
-    squares, inverses = r ** 2, 1 / r
+    by_range = np.empty((2, n_range + 3 * LANES))
     n_tasks = numba.get_num_threads()
-    tables = aligned_empty((n_tasks, 3, LANES), np.float64)
+    tables = np.empty((n_tasks, 3, LANES))
     work = aligned_empty((n_tasks, _WORK_BYTES + 2 * length * VECTOR_BYTES), np.uint8)
-    weights = [np.ascontiguousarray(v.centred[:, :v.n_taps // 2]) for v in (between, along)]
     for begin, end in itertools.pairwise(rounds):
         n_strips = -(-(end - begin) // LANES)
         job = max(1, min(_MOST_STRIPS, n_strips // (_JOBS_PER_THREAD * n_tasks)))  # its strips
@@ -427,10 +425,10 @@ def _interpolate(real, imag, lines: _Lines, image, rounds, add, axis, cycles_per
         _resample((real.ctypes.data, imag.ctypes.data, real.strides[0], n_range,
                    n_alpha - between.n_taps - 2.0),
                   (rows[begin:end], line, direction, height_m ** 2),
-                  (squares.ctypes.data, inverses.ctypes.data, start, 1 / step, cycles_per_m),
-                  (weights[0].ctypes.data, (0,) * between.n_taps),
-                  (weights[1].ctypes.data, (0,) * along.n_taps, along.first),
-                  (image.ctypes.data + begin * int(steps[0]), steps, int(add)), tables,
+                  (by_range, start, step, cycles_per_m),
+                  (between.centred.ctypes.data, (0,) * between.n_taps),
+                  (along.centred.ctypes.data, (0,) * along.n_taps, along.first),
+                  (image.ctypes.data + begin * steps[0], steps, int(add)), tables,
                   (work.ctypes.data, work.strides[0], length * VECTOR_BYTES),
                   (n_strips, job, counter.ctypes.data))
 
@@ -441,9 +439,9 @@ def _resample(polar, grid, reach, between, along, target, tables, memory, share)
 
     `polar` is the addresses of real and imaginary part, bytes between lines, ranges, and the last
     line to interpolate from; `grid` the rows q and pixels p, metres, how directions are told
-    (`_positions`), and the square of the height; `reach` the addresses of r^2 and 1/r by range,
-    from `LANES` before the first one on, the first range, 1 over their spacing, and cycles of the
-    carrier per metre. `between` and `along` are the address of the centred weights and a tuple as
+    (`_positions`), and the square of the height; `reach` an array for r^2 and 1/r by range, from
+    `LANES` before the first one on, the first range, their spacing, and cycles of the carrier per
+    metre. `between` and `along` are the address of the centred weights and a tuple as
     long as the taps, `along` also the first neighbour. `target` is the address of the first row,
     its steps from row to row and from pixel to pixel, bytes, and 1 to add instead of storing;
     `memory` the address of work space, bytes of a task, and of the real part of a strip; `share`
@@ -451,7 +449,13 @@ def _resample(polar, grid, reach, between, along, target, tables, memory, share)
     """
     real, imag, apart, n_range, last = polar
     rows, line, direction, height2 = grid
-    squares, inverses, ranges = reach[0], reach[1], reach[2:]
+    by_range, start, step, cycles_per_m = reach
+    ranges = start, 1.0 / step, cycles_per_m
+    for i in range(by_range.shape[1]):
+        r = max(start + step * (i - LANES), 0.5 * start)
+        by_range[0, i], by_range[1, i] = r * r, 1.0 / r
+    squares = by_range.ctypes.data
+    inverses = squares + DOUBLE_BYTES * by_range.shape[1]
     weights_between, taps_between = between
     weights, taps, first = along
     image, steps, add = target

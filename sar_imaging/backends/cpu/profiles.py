@@ -10,13 +10,55 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import scipy.fft
+from llvmlite import ir
+from numba.core import types
 
 from ...compilation import njit, numba
 from ...planning.interpolators import TAPS
 from ...planning.profiles import ECHOES_PER_PASS, PhaseHistory, RangeGate, RangeResampling, rise
 from ...signal.radar import RadarParameters
+from .fft import transform_rows
+from .instructions import FLOAT, INT, LANES, Vector, instructions
 from .memory import WorkSpace
+
+_i = types.int64
+_FLOATS = ir.VectorType(FLOAT, LANES)
+
+
+@instructions(_i, _i, _i, None, _i, _i, _i, _i)
+def weigh_samples(b, samples, imaginary, weights, degrees, begin, end, target, plane_bytes):
+    """Coefficients of intervals, LANES at a time: real, then imaginary ones, `plane_bytes` apart.
+
+    `samples` is the address of the table of those of the TAPS neighbours of interval 0,
+    `imaginary` the bytes from a real part to its imaginary one; `weights` are (degree + 1, TAPS)
+    float32, and the tuple `degrees` is as long as their degree. Vectors begin with interval
+    `begin`, and before `end`.
+    """
+    n = degrees.type.count + 1
+    neighbours = [b.load(b.pointer(samples, INT, 8 * k)) for k in range(TAPS)]
+    before, loop, behind = b.block, b.append_basic_block(), b.append_basic_block()
+    b.branch(loop)
+    b.position_at_end(loop)
+    interval = b.phi(INT)
+    shift = b.mul(interval, INT(4))
+    sums = [None] * (2 * n)
+    for k, neighbour in enumerate(neighbours):
+        place = b.add(neighbour, shift)
+        parts = [Vector(b, b.load(b.pointer(at, _FLOATS), align=4))
+                 for at in (place, b.add(place, imaginary))]
+        for q in range(n):
+            w = b.spread(b.load(b.pointer(weights, FLOAT, 4 * (TAPS * q + k))), LANES)
+            for i, part in enumerate(parts):
+                term = w * part
+                sums[i * n + q] = term if k == 0 else sums[i * n + q] + term
+    to = b.add(target, shift)
+    for q, total in enumerate(sums):
+        b.store(total.value, b.pointer(b.add(to, b.mul(plane_bytes, INT(q))), _FLOATS), align=4)
+    following = b.add(interval, INT(LANES))
+    interval.add_incoming(begin, before)
+    interval.add_incoming(following, loop)
+    b.cbranch(b.icmp_signed('<', following, end), loop, behind)
+    b.position_at_end(behind)
 
 
 def farrow_coefficients(samples, weights, first, pad, out):
@@ -30,47 +72,36 @@ def farrow_coefficients(samples, weights, first, pad, out):
     weights, first : (degree + 1, TAPS) float32, int
         Of `Interpolator`.
     pad : int
-        Cells at both ends that are zero.
+        Cells at both ends that are zero; between them are LANES or more.
     out : (R, U, 2 * (degree + 1), n) float32
         Planes of real, then imaginary coefficients of each phase.
     """
     n_phases, length = samples.shape[2:]
     step = np.arange(n_phases)[:, None] + np.arange(TAPS) + first
     start = (step % n_phases) * length + step // n_phases + TAPS
-    _weighted_sums(samples.reshape(-1), samples.shape, start, weights, pad, out.shape[3],
-                   out.reshape(-1))
+    weights = np.ascontiguousarray(weights)
+    _weigh_all(samples.ctypes.data, samples.shape, 4 * start, weights.ctypes.data,
+               (0,) * (len(weights) - 1), pad, out)
 
 
 @njit(parallel=True)
-def _weighted_sums(samples, shape, start, weights, pad, count, out):
-    """Echoes and phases in parallel; free of views for the compiler, see `lines.project_lines`."""
+def _weigh_all(samples, shape, start, weights, degrees, pad, out):
+    """Echoes and phases in parallel; the last vector begins earlier than where others end."""
     _, n_echoes, n_phases, length = shape
-    n, n_coefficients = np.uint64(count), len(weights)
-    ends, inside = np.uint64(pad), np.uint64(count - 2 * pad)
+    n_planes, n = out.shape[2:]
+    inside, imaginary = n - 2 * pad, 4 * n_echoes * n_phases * length
+    neighbours = np.empty((n_echoes * n_phases, TAPS), np.int64)
     for task in numba.prange(n_echoes * n_phases):
         echo, phase = task // n_phases, task % n_phases
-        for part in range(2):
-            base = (part * n_echoes + echo) * n_phases * length
-            s0, s1 = np.uint64(base + start[phase, 0]), np.uint64(base + start[phase, 1])
-            s2, s3 = np.uint64(base + start[phase, 2]), np.uint64(base + start[phase, 3])
-            s4, s5 = np.uint64(base + start[phase, 4]), np.uint64(base + start[phase, 5])
-            s6, s7 = np.uint64(base + start[phase, 6]), np.uint64(base + start[phase, 7])
-            s8, s9 = np.uint64(base + start[phase, 8]), np.uint64(base + start[phase, 9])
-            for q in range(n_coefficients):
-                w0, w1, w2, w3 = weights[q, 0], weights[q, 1], weights[q, 2], weights[q, 3]
-                w4, w5, w6, w7 = weights[q, 4], weights[q, 5], weights[q, 6], weights[q, 7]
-                w8, w9 = weights[q, 8], weights[q, 9]
-                to = np.uint64((task * 2 + part) * n_coefficients + q) * n
-                for i in range(ends):
-                    out[to + i] = 0.0
-                    out[to + n - ends + i] = 0.0
-                to += ends
-                for i in range(inside):
-                    out[to + i] = (w0 * samples[s0 + i] + w1 * samples[s1 + i]
-                                   + w2 * samples[s2 + i] + w3 * samples[s3 + i]
-                                   + w4 * samples[s4 + i] + w5 * samples[s5 + i]
-                                   + w6 * samples[s6 + i] + w7 * samples[s7 + i]
-                                   + w8 * samples[s8 + i] + w9 * samples[s9 + i])
+        for k in range(TAPS):
+            neighbours[task, k] = samples + 4 * echo * n_phases * length + start[phase, k]
+        table = neighbours.ctypes.data + 8 * task * TAPS
+        target = out.ctypes.data + 4 * (task * n_planes * n + pad)
+        weigh_samples(table, imaginary, weights, degrees, 0, inside - LANES + 1, target, 4 * n)
+        weigh_samples(table, imaginary, weights, degrees, inside - LANES, inside, target, 4 * n)
+        for plane in range(n_planes):
+            out[echo, phase, plane, :pad] = 0.0
+            out[echo, phase, plane, n - pad:] = 0.0
 
 
 _CHUNK_BYTES = 64 << 20  # coefficients of one pass over the image
@@ -147,14 +178,13 @@ class Profiles:
                               np.complex64)
         _pad_band(spectrum.reshape(-1).view(np.float32), spectrum.shape, self._source.zero,
                   self._gain, padded.reshape(-1).view(np.float32), padded.shape[1])
-        dense = scipy.fft.ifft(padded, axis=-1, workers=numba.get_num_threads(),
-                               overwrite_x=True, norm='forward')
+        transform_rows(padded, inverse=True)
         length = self._count - 2 * self._pad + 2 * TAPS
         first = self._first + self._pad - TAPS
         split = self._buffer('split', (2, n_echoes, lattice.n_phases, length), np.float32)
         inside = (0, length) if self._source.periodic else (
             min(max(-first, 0), length), max(min(lattice.n_cells - first, length), 0))
-        _split_phases(dense.reshape(-1).view(np.float32), lattice.n_cells, first, *inside, split)
+        _split_phases(padded.reshape(-1).view(np.float32), lattice.n_cells, first, *inside, split)
         planes = self._buffer('planes', (n_echoes, lattice.n_phases, lattice.interpolator.n_planes,
                                          self._count), np.float32)
         farrow_coefficients(split, lattice.interpolator.weights, lattice.interpolator.first,
@@ -228,7 +258,8 @@ def spectra(source: RangeGate | PhaseHistory, samples: np.ndarray, n_padded: int
         return samples
     padded = buffer('spectrum', (len(samples), n_padded), np.complex64)
     cut_profiles(source, samples, padded)
-    return scipy.fft.fft(padded, axis=-1, workers=numba.get_num_threads(), overwrite_x=True)
+    transform_rows(padded)
+    return padded
 
 
 def cut_profiles(window: RangeGate, samples: np.ndarray, out: np.ndarray) -> None:
