@@ -6,6 +6,7 @@
 - `geotiff`: maps for geographic information systems, and complex images on them;
 - `quicklook`: PNG with a world file, and an overlay for globes;
 - `stac`: items of catalogues;
+- `reference_map`: maps of places that images are looked for in;
 - `points`: detections as GeoJSON and CSV, and point clouds as PLY;
 - `report`: pictures, tables and warnings in one HTML file;
 - `acquisition`: radar and track of an image, without its samples.

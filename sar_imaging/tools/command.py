@@ -34,6 +34,8 @@ COMMANDS = {
     ('image',): 'products.image',
     ('radar-constant',): 'products.radar_constant',
     ('change',): 'products.change',
+    ('map',): 'products.reference_map',
+    ('locate',): 'products.locate',
     ('doctor',): 'products.doctor',
 }
 

@@ -1,0 +1,221 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Reference maps: the amplitude of a place, from where it was seen, and what stands on it.
+
+A map is a folder of standard parts:
+
+- ``amplitude.npy``: (n_y, n_x) float32, root mean square of the passes, 0 where none saw anything;
+- ``passes.npy``: (n_y, n_x) uint16, how many passes saw a pixel;
+- ``map.json``: grid, datum, carrier, resolution, noise floor, and the look direction of each pass;
+- ``map.tif``: amplitude and passes for geographic information systems, where the datum is known;
+- ``obstacles.pgm`` and ``obstacles.yaml``: occupied and free ground, as Nav2's map server reads.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+
+from ..exploitation.registration import LookDirection
+from ..files import check_file, filling, read_text, reading, told, write_json
+from ..geometry.earth import Datum
+from ..geometry.grids import MapGrid
+from ..imaging.image import Image, Report
+from ..numpy_files import check_memory
+from .geotiff import write_raster
+
+_VERSION = 1
+_GREY = {0: 254, 100: 0, -1: 205}  # of free, occupied and unknown cells, as map_server takes them
+
+
+@dataclasses.dataclass(frozen=True)
+class Pass:
+    """One pass of a reference map.
+
+    Attributes
+    ----------
+    name : str
+        Of its recording.
+    look : LookDirection
+        From the middle of the map.
+    stamp_ns : int
+        Time of its middle pulse.
+
+    Examples
+    --------
+    >>> from sar_imaging.exploitation.registration import LookDirection
+    >>> from sar_imaging.formats.reference_map import Pass
+    >>> Pass('monday', LookDirection(90.0, 20.0), 0).look.grazing_deg
+    20.0
+    """
+
+    name: str
+    look: LookDirection
+    stamp_ns: int
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ReferenceMap:
+    """What images are looked for in.
+
+    Attributes
+    ----------
+    image : Image
+        Amplitude, float32, on a `MapGrid`.
+    passes : tuple of Pass
+        What it was made of.
+    seen : (n_y, n_x) uint16
+        How many of them saw a pixel.
+    resolution_m : float
+        Geometric mean of the widths of a resolution cell, metres.
+    noise_floor_db : float
+        Level of the darkest hundredth of the map, dB of the amplitude's unit: noise is no more.
+    datum : Datum or None
+        Place of its frame on the Earth.
+    occupancy : (n_y, n_x) int8 or None
+        0 free, 100 occupied, -1 unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import Image, MapGrid
+    >>> from sar_imaging.exploitation.registration import LookDirection
+    >>> from sar_imaging.formats.reference_map import (
+    ...     Pass, ReferenceMap, read_reference_map, write_reference_map)
+    >>> from sar_imaging.imaging.image import Report
+    >>> grid = MapGrid((0.0, 0.0, 0.0), 8, 6, 0.5)
+    >>> image = Image(np.ones(grid.shape, np.float32), grid, 10e9, Report('exact', '', -60.0))
+    >>> reference = ReferenceMap(image, (Pass('monday', LookDirection(90.0, 20.0), 0),),
+    ...                          np.ones(grid.shape, np.uint16), 0.7, -20.0)
+    >>> write_reference_map('place', reference)
+    ['amplitude.npy', 'passes.npy', 'map.json']
+    >>> back = read_reference_map('place')
+    >>> back.image.grid == grid, back.passes == reference.passes, back.resolution_m
+    (True, True, 0.7)
+    """
+
+    image: Image
+    passes: tuple[Pass, ...]
+    seen: np.ndarray
+    resolution_m: float
+    noise_floor_db: float
+    datum: Datum | None = None
+    occupancy: np.ndarray | None = None
+
+
+def write_reference_map(folder: os.PathLike | str, reference: ReferenceMap) -> list[str]:
+    """Write a map; returns the names of the files.
+
+    Parameters
+    ----------
+    folder : path
+        Made when missing; its files are complete or absent.
+    reference : ReferenceMap
+        The map.
+
+    Returns
+    -------
+    list of str
+
+    Raises
+    ------
+    MissingExtraError
+        The datum is known, and rasterio or pyproj is not installed.
+    """
+    image = reference.image
+    with filling(folder) as part:
+        np.save(part / 'amplitude.npy', np.asarray(image.samples, np.float32))
+        np.save(part / 'passes.npy', np.asarray(reference.seen, np.uint16))
+        write_json(part / 'map.json', {
+            'version': _VERSION, 'grid': dataclasses.asdict(image.grid),
+            'datum': reference.datum and dataclasses.asdict(reference.datum),
+            'carrier_hz': image.carrier_hz, 'resolution_m': reference.resolution_m,
+            'noise_floor_db': reference.noise_floor_db,
+            'passes': [dataclasses.asdict(one) for one in reference.passes]})
+        names = ['amplitude.npy', 'passes.npy', 'map.json']
+        if reference.occupancy is not None:
+            write_nav2_map(part, reference.occupancy, image.grid)
+            names += ['obstacles.pgm', 'obstacles.yaml']
+        if reference.datum is not None:
+            write_raster(part / 'map.tif', {'amplitude': image.samples, 'passes': reference.seen},
+                         image.grid, reference.datum)
+            names.append('map.tif')
+    return names
+
+
+def write_nav2_map(folder: Path, occupancy: np.ndarray, grid: MapGrid) -> None:
+    """Write ``obstacles.pgm`` and ``obstacles.yaml`` for Nav2's map server.
+
+    Parameters
+    ----------
+    folder : path
+        Where to.
+    occupancy : (n_y, n_x) int
+        0 free, 100 occupied, -1 unknown; row 0 at the largest y.
+    grid : MapGrid
+        Where the cells are.
+    """
+    grey = np.full(occupancy.shape, _GREY[-1], np.uint8)
+    for state, level in _GREY.items():
+        grey[occupancy == state] = level
+    rows, columns = grey.shape
+    (folder / 'obstacles.pgm').write_bytes(b'P5\n%d %d\n255\n' % (columns, rows) + grey.tobytes())
+    half = grid.spacing_m / 2
+    (folder / 'obstacles.yaml').write_text(
+        'image: obstacles.pgm\nmode: trinary\n'
+        f'resolution: {grid.spacing_m!r}\n'
+        f'origin: [{float(grid.x_m[0]) - half!r}, {float(grid.y_m[-1]) - half!r}, 0.0]\n'
+        'negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n')
+
+
+def read_reference_map(folder: os.PathLike | str) -> ReferenceMap:
+    """Read a map that `write_reference_map` wrote; its obstacles are left out.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of the map.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is none.
+    ValueError
+        It is no map, is damaged, or its parts contradict each other.
+    MemoryError
+        It is larger than the memory.
+    """
+    folder = Path(folder)
+    with reading(folder / 'map.json', 'a reference map'):
+        text = read_text(folder / 'map.json')
+        try:
+            tag = json.loads(text)
+            if tag['version'] != _VERSION:
+                raise ValueError(f'version {tag["version"]}; expected {_VERSION}')
+            grid = MapGrid(**tag['grid'])
+            datum = tag['datum'] and Datum(**tag['datum'])
+            passes = tuple(Pass(one['name'], LookDirection(**one['look']), one['stamp_ns'])
+                           for one in tag['passes'])
+            figures = [float(tag[name]) for name in ('carrier_hz', 'resolution_m',
+                                                     'noise_floor_db')]
+        except (LookupError, TypeError, ValueError, RecursionError) as error:
+            raise ValueError(f'it cannot be understood: {told(error)}') from error
+    amplitude, seen = (_array(folder / name, kind, grid) for name, kind in (
+        ('amplitude.npy', np.float32), ('passes.npy', np.uint16)))
+    image = Image(amplitude, grid, figures[0], Report('reference map', '', 0.0))
+    return ReferenceMap(image, passes, seen, figures[1], figures[2], datum)
+
+
+def _array(path: Path, kind, grid: MapGrid) -> np.ndarray:
+    check_file(path)
+    with reading(path, 'a part of a reference map'):
+        mapped = np.load(path, mmap_mode='r', allow_pickle=False)
+        if mapped.dtype != kind or mapped.shape != grid.shape:
+            raise ValueError(f'it holds {mapped.dtype} {mapped.shape}; map.json tells of '
+                             f'{np.dtype(kind)} {grid.shape}')
+        check_memory('the map', mapped.nbytes)
+        return np.array(mapped)
