@@ -21,7 +21,11 @@ from .. import backends
 from ..device_arrays import contiguous, zeros_beside
 from ..geometry.grids import EvenGrid, MapGrid
 from ..memory import IMAGE_BYTES
-from ..planning.exact.backprojection import LEAST_TARGET_DB, plan_backprojection
+from ..planning.exact.backprojection import (
+    LEAST_TARGET_DB,
+    BackprojectionPlan,
+    plan_backprojection,
+)
 from ..planning.exact.points import ImagePoints
 from ..planning.plan import EXACT_SHARES, error_budget
 from ..planning.profiles import OutOfReach
@@ -57,6 +61,7 @@ class Exact(Method):
                         else ImagePoints.of_grid(self.grid))
         self._backend = backends.backend(self.options.backend)
         self._sum: Backprojection | None = None
+        self._plan: BackprojectionPlan | None = None
 
     def plan(self, tx_m: np.ndarray, rx_m: np.ndarray) -> Report:
         """See `Method`; memory serves plans in turn."""
@@ -64,9 +69,10 @@ class Exact(Method):
             self._sum = None
             return self.describe()
         try:
-            plan = plan_backprojection(self._pixels, self.radar, self.n_samples, _echoes(tx_m),
-                                       _echoes(rx_m), self.options.target_db, self.illumination,
-                                       groups=getattr(self._backend, 'GROUPS', False))
+            plan = self._plan = plan_backprojection(
+                self._pixels, self.radar, self.n_samples, _echoes(tx_m), _echoes(rx_m),
+                self.options.target_db, self.illumination,
+                groups=getattr(self._backend, 'GROUPS', False), before=self._plan)
         except OutOfReach:
             if self.illumination is None:
                 raise

@@ -197,7 +197,8 @@ def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
 class Imager:
     """Forms images by one method; `plan_image` makes it.
 
-    Plans are kept: pulses from the same places as those before them are imaged by the same one.
+    Plans are kept: pulses from the same places as those before them are imaged by the same one,
+    and a plan for others begins with the numbers of groups and parts of the one before.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ from sar_imaging.backends.cpu.instructions import LANES
 from sar_imaging.backends.reference.correlation import correlate_spectra
 from sar_imaging.geometry import MapGrid
 from sar_imaging.planning.costs import DEFAULT, using
-from sar_imaging.planning.exact.backprojection import plan_backprojection
+from sar_imaging.planning.exact.backprojection import GridLines, plan_backprojection
 from sar_imaging.planning.exact.groups import GROUP, plan_groups
 from sar_imaging.planning.interpolators import design_interpolator
 from sar_imaging.signal import SPEED_OF_LIGHT, RadarParameters
@@ -160,6 +160,27 @@ def test_what_lies_beside_the_antenna_is_imaged_point_by_point():
     assert (covered == 1).all()
     plan = dataclasses.replace(plan, route=route)
     assert near.error_db(near.image(plan)) <= plan.predicted_error_db + ALLOWED_DB
+
+
+def test_a_moving_window_is_planned_from_the_last_one(monkeypatch):
+    """Its groups are as many as before, unless they take another time: then they are sought."""
+    tx = track('straight', 2.0, 8.0, 1.5)
+    near = Near(tx, tx, MapGrid((0.0, 0.0, 0.0), SIDE, SIDE, 0.05))
+
+    def plan(centres, before=None):
+        range_m = GridLines(near.grid, centres, centres).range_m
+        with using(dataclasses.replace(DEFAULT, point_pixel=1e3)):
+            return plan_groups(near.grid, near.radar, near.n_samples, centres, centres, range_m,
+                               -60.0, before=before)
+
+    first, moved, elsewhere = plan(tx), tx + [0.0, 0.1, 0.0], tx + [3.0, 1.5, 0.0]
+    assert plan(elsewhere, first) == plan(elsewhere) != first
+    monkeypatch.setattr('sar_imaging.planning.exact.groups._seek', None)  # not asked any more
+    following = plan(moved, first)
+    assert following.sought_ns == first.sought_ns
+    one, other = first.maps[0], following.maps[0]
+    assert (len(one.groups), one.n_parts) == (len(other.groups), other.n_parts)
+    assert following.predicted_error_db <= -60.0
 
 
 def test_threads_and_pieces_make_no_difference(monkeypatch):

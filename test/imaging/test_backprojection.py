@@ -181,9 +181,9 @@ def test_pulses_from_the_same_places_need_no_new_plan(make_case, monkeypatch):
     planned = []
     plan_groups = plans.plan_groups
 
-    def counted(grid, radar, n_samples, tx_m, *others):
+    def counted(grid, radar, n_samples, tx_m, *others, **named):
         planned.append(tx_m[0, 1])
-        return plan_groups(grid, radar, n_samples, tx_m, *others)
+        return plan_groups(grid, radar, n_samples, tx_m, *others, **named)
 
     monkeypatch.setattr(plans, 'plan_groups', counted)
     imager = plan_image(case.grid, case.block.radar, case.block.n_samples, method='exact',

@@ -239,12 +239,14 @@ class BackprojectionPlan(Plan):
 
 def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_samples: int,
                         tx_m, rx_m, target_db: float, illumination: Illumination | None = None,
-                        *, groups: bool = False) -> BackprojectionPlan:
+                        *, groups: bool = False, before: BackprojectionPlan | None = None
+                        ) -> BackprojectionPlan:
     """Plan the quickest route of adding echoes to an image.
 
     With `illumination`, that of the echoes, pixels that an echo does not light take no part in its
     errors and its time. `groups` tells whether the backend images maps from groups of echoes;
     where it does not, or with illumination, there are polar images of all echoes instead.
+    `before` is the plan of the pulses before these, of the same image and target.
 
     Raises
     ------
@@ -261,7 +263,7 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
                           illumination=illumination)
     else:
         range_m, route = _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db,
-                                        illumination, groups)
+                                        illumination, groups, before and before.route)
     (start, stop), some = covered_ranges(radar, n_samples), (
         grid.some() if is_points else some_pixels(grid))
     warnings = azimuth_warnings(some, tx_m, rx_m, radar, illumination)
@@ -271,7 +273,7 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
                               illumination)
 
 
-def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, groups):
+def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, groups, before):
     """Bounds of the half path, and the quickest route."""
     groups = groups and illumination is None and isinstance(grid, MapGrid)
     lines = GridLines(grid, tx_m, rx_m, illumination)
@@ -284,7 +286,8 @@ def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, 
                                           illumination))]
     if groups:
         routes.append((costs().grouped_pixel, lambda: plan_groups(
-            grid, *where, lines.range_m, target_db)))
+            grid, *where, lines.range_m, target_db,
+            before=before if isinstance(before, GroupPlan) else None)))
     elif isinstance(grid, MapGrid):  # polar images lie on horizontal planes
         from .polar_image import plan_polar
 

@@ -84,6 +84,7 @@ _LEAST_SIDE = 40  # pixels of a part of a map
 _CHEAP = 0.5  # of the time by points: not worth dividing
 _WORTH_DIVIDING_NS = 1e8  # of time by points: twenty times what planning takes
 _MOST_GROUPS, _TRIES = 64, 3
+_ALIKE = 0.05  # change of the time of an image, beyond which its groups are sought anew
 _MOST_PHASES, _COST_PHASE = 8, 1.5e-3  # positions within a cell; what one more takes, in segments
 _LEAST_RANGE = 0.2  # of a polar grid, over that of the map
 _SEGMENT, _USUAL_PHASES, _COARSER = 64, 2, 1.05  # what costs are sought with
@@ -188,6 +189,8 @@ class GroupPlan(Plan):
         How these are.
     window : RangeGate
         Part of the profiles that is needed.
+    sought_ns : float
+        Time of the parts of the map when the numbers of groups and parts were sought.
     """
 
     maps: tuple[GroupedMap, ...]
@@ -195,6 +198,7 @@ class GroupPlan(Plan):
     points: PointPlan | None
     window: RangeGate
     errors_db: Mapping[str, float]
+    sought_ns: float
 
     method = 'groups'
 
@@ -682,7 +686,8 @@ def _profile_cost(echoes: Echoes, spacing) -> np.ndarray:
 
 
 def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, range_m,
-                target_db: float, numbers: tuple[int, int] | None = None) -> GroupPlan | None:
+                target_db: float, numbers: tuple[int, int] | None = None,
+                before: GroupPlan | None = None) -> GroupPlan | None:
     """Plan the image of a map from groups of echoes.
 
     Parameters
@@ -693,6 +698,9 @@ def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_
         Bounds of the half paths to all pixels, metres.
     numbers : (int, int), optional
         Groups, and parts of each, for the map as a whole; the quickest if left out.
+    before : GroupPlan, optional
+        For the pulses of a window before. Its numbers are taken where they make an image as quick
+        as when they were sought.
 
     Returns
     -------
@@ -706,10 +714,17 @@ def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_
     echoes = Echoes(tx_m, rx_m, radar, window, target_db)
     if echoes.still:
         return None
-    if numbers is None:
+    again = before is not None and not before.rest and len(before.maps) == 1
+    if again:
+        numbers = len(before.maps[0].groups), before.maps[0].n_parts
+    maps, rest = [], []
+    if numbers is not None:
+        maps = [one for one in [_grouped(echoes, grid, (0, 0), [numbers])] if one]
+    sought_ns = before.sought_ns if again else sum(one.cost for one in maps)
+    if numbers is None or again and not (
+            maps and abs(maps[0].cost - sought_ns) < _ALIKE * sought_ns):
         maps, rest = _divided(echoes, grid, (0, 0))
-    else:
-        maps, rest = [one for one in [_grouped(echoes, grid, (0, 0), [numbers])] if one], []
+        sought_ns = sum(one.cost for one in maps)
     if not maps:
         return None
     points = None
@@ -718,7 +733,7 @@ def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_
     n_pixels = math.prod(grid.shape)
     shares = [(one.errors_db, math.prod(one.grid.shape) / n_pixels) for one in maps]
     shares += [(points.errors_db, math.prod(part.shape) / n_pixels) for _, part in rest]
-    return GroupPlan(tuple(maps), tuple(rest), points, window, _mean_errors(shares))
+    return GroupPlan(tuple(maps), tuple(rest), points, window, _mean_errors(shares), sought_ns)
 
 
 def _mean_errors(shares) -> dict[str, float]:
