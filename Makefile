@@ -24,7 +24,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test test-quick lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check colcon environment clean prediction-campaign simulator obstacle-campaign obstacle-shadows format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline
+.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test test-quick lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check matrix coverage colcon environment clean prediction-campaign simulator obstacle-campaign obstacle-shadows format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline
 QUICK_TESTS := test/msg_conversions test/geometry test/signal test/planning test/imaging/test_goldens.py test/imaging/test_image.py test/test_package.py
 .DEFAULT_GOAL := help
 
@@ -90,6 +90,11 @@ help:
 	@echo 'make release-check'
 	@echo '             whether this version may be published: version, changelog, addresses; wheel and source'
 	@echo '             distribution built, checked, installed and tested'
+	@echo '             debian package built, installed into an empty root and started; keys of package.xml, with'
+	@echo '             ROSDISTRO=checkout of github.com/ros/rosdistro; container; what cannot run here is listed'
+	@echo 'make matrix  the core with each Python from 3.10 to 3.14 that is here, with NumPy 1.26 and 2; says which is not'
+	@echo 'make coverage'
+	@echo '             lines and branches that the tests execute, half an hour; fails below what was reached'
 	@echo 'make clean   remove what these commands made, the environment excepted'
 	@echo 'Variables: PYTHON=python3.12 (interpreter), VENV=path (environment)'
 
@@ -120,6 +125,16 @@ release-check: environment
 	    $(RUN) -m pip install --quiet --disable-pip-version-check -r requirements-release.txt
 	@$(RUN) -m pytest -m release test/test_package.py test/test_distribution.py \
 	    test/docs/test_spelling.py
+	@$(RUN) -m benchmarks.release.check $(if $(ROSDISTRO),--rosdistro "$(ROSDISTRO)")
+
+# An environment of its own for each Python, and a part of the tests in it.
+matrix:
+	@$(PYTHON) -m benchmarks.release.matrix
+
+# Compiled loops are no lines that Python executes; node processes are counted, too.
+coverage: archive
+	@$(RUN) -m pip install --quiet --disable-pip-version-check coverage==7.17.3
+	@$(RUN) -m benchmarks.release.coverage
 
 # The suite takes a part of this.
 processors: environment
