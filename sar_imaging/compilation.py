@@ -7,15 +7,22 @@ from __future__ import annotations
 import contextlib
 import copy
 import functools
+import inspect
+import logging
 import os
 import re
+import sys
 import tempfile
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
 _OLDEST_NUMBA = (0, 58)
+_TELL_EVERY_S = 5.0
+
+_logger = logging.getLogger(__name__)
 
 
 def check_version(version: str) -> None:
@@ -52,7 +59,7 @@ def _refusing(**_):
 MISSING = ''
 try:
     import numba
-    from numba.core import codegen, compiler, config, cpu, event
+    from numba.core import caching, codegen, compiler, config, cpu, event
 
     check_version(numba.__version__)
 except ImportError as error:
@@ -60,8 +67,8 @@ except ImportError as error:
     numba = SimpleNamespace(njit=_refusing, cfunc=_refusing, prange=range,
                             get_num_threads=lambda: 1, set_num_threads=lambda n: None,
                             threading_layer=lambda: 'workqueue')
-    codegen, compiler, cpu = (SimpleNamespace(**{name: object}) for name in (
-        'JITCodeLibrary', 'Compiler', 'CPUContext'))
+    caching, codegen, compiler, cpu = (SimpleNamespace(**{name: object}) for name in (
+        'IndexDataCacheFile', 'JITCodeLibrary', 'Compiler', 'CPUContext'))
     event = SimpleNamespace(Listener=object, Event=object, install_listener=lambda kind, listener:
                             contextlib.nullcontext(listener))
 #: What computes images then, and how fast.
@@ -188,17 +195,44 @@ def _cached(decorate: Callable, function: Callable):
 
     Numba writes it beside the modules or below the home folder, unless NUMBA_CACHE_DIR names a
     folder. Where neither can be written to it refuses to make any function that is to be cached.
+    What lies beside the modules is read, too, where it cannot be written to.
     """
     try:
-        return decorate(function)
+        return _with_installed(decorate(function))
     except RuntimeError as error:
         if 'no locator' not in str(error):
             raise
     given, config.CACHE_DIR = config.CACHE_DIR, _temporary_folder()
     try:
-        return decorate(function)  # looks for the folder now, and not later
+        compiled = decorate(function)  # looks for the folder now, and not later
     finally:
         config.CACHE_DIR = given
+    return _with_installed(compiled)
+
+
+class _CacheFile(caching.IndexDataCacheFile):
+    """Reads from two folders, and writes to the first."""
+
+    def load(self, key):
+        found = super().load(key)
+        if found is None:
+            with contextlib.suppress(OSError):  # there is nothing that this user may read
+                found = self.installed.load(key)
+        return found
+
+
+def _with_installed(compiled):
+    """Have a function read what was compiled into an installation that it may not write to."""
+    file = getattr(getattr(compiled, '_cache', None), '_cache_file', None)
+    if file is not None and not config.CACHE_DIR:
+        beside = os.path.join(os.path.dirname(inspect.getfile(compiled.__wrapped__)),
+                              '__pycache__')
+        if beside != file._cache_path:
+            file.installed = copy.copy(file)
+            file.installed._cache_path = beside
+            file.installed._index_path = os.path.join(beside, file._index_name)
+            file.__class__ = _CacheFile
+    return compiled
 
 
 @functools.cache
@@ -281,3 +315,54 @@ def counted(tell: Callable[[], object] = lambda: None):
         Called when the first function is compiled.
     """
     return event.install_listener('numba:compile', _Compilations(tell))
+
+
+class _Announcements(_Compilations):
+    def __init__(self):
+        super().__init__(lambda: None)
+        self._begun_s = self._due_s = 0.0
+
+    def on_start(self, event: event.Event) -> None:
+        super().on_start(event)
+        now_s = time.monotonic()
+        if self.n == 1:
+            self._begun_s = now_s
+            _tell('kernels are compiled: 10 to 30 s on a desktop, once on each machine for each '
+                  'version; `python -m sar_imaging.tools.compile_kernels` does it beforehand; '
+                  f'machine code is kept in {_folder_of(event.data["dispatcher"])}')
+        elif now_s >= self._due_s:
+            _tell(f'kernels are compiled: {self.n} functions in {now_s - self._begun_s:.0f} s '
+                  'so far')
+        else:
+            return
+        self._due_s = now_s + _TELL_EVERY_S
+
+    def end(self) -> None:
+        if self.n:
+            _tell(f'{self.n} functions were compiled in '
+                  f'{time.monotonic() - self._begun_s:.0f} s')
+
+
+def _tell(text: str) -> None:
+    """As a warning, which is shown, to who waits at a terminal or in a notebook."""
+    waits = hasattr(sys, 'ps1') or sys.stderr is not None and sys.stderr.isatty()
+    _logger.log(logging.WARNING if waits else logging.INFO, text)
+
+
+def _folder_of(dispatcher) -> str:
+    folder = config.CACHE_DIR or getattr(getattr(dispatcher, '_cache', None), 'cache_path', None)
+    return str(folder or 'this process alone')
+
+
+@contextlib.contextmanager
+def announced() -> Iterator[None]:
+    """Say why an image takes so long where kernels are compiled within a ``with`` block.
+
+    Logs of this module tell what happens, how often, where the machine code is kept and how it
+    is done beforehand; then, every few seconds, how far it is.
+    """
+    with event.install_listener('numba:compile', _Announcements()) as announcements:
+        try:
+            yield
+        finally:
+            announcements.end()

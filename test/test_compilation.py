@@ -33,6 +33,27 @@ def test_the_first_compilation_is_announced_once():
     assert told == ['now']
 
 
+def test_who_waits_for_kernels_is_told_why_and_how_far(caplog, monkeypatch):
+    """As a warning at a terminal and in a notebook, as a fact elsewhere."""
+    caplog.set_level('INFO', 'sar_imaging.compilation')
+    monkeypatch.setattr(compilation, '_TELL_EVERY_S', 0.0)
+    for level in ('INFO', 'WARNING'):
+        compiled = [compilation.njit(f, cache=False) for f in (lambda x: x + 1, lambda x: x + 2)]
+        with compilation.announced():
+            assert [f(1) for f in compiled] == [2, 3]
+        first, second, last = caplog.messages
+        assert 'once on each machine' in first and 'compile_kernels' in first
+        assert 'kept in this process alone' in first
+        assert '2 functions in' in second and second.endswith('s so far')
+        assert last.startswith('2 functions were compiled in')
+        assert {record.levelname for record in caplog.records} == {level}
+        caplog.clear()
+        with compilation.announced():
+            compiled[0](1)  # it is there
+        assert not caplog.records
+        monkeypatch.setattr(compilation.sys, 'ps1', '>>> ', raising=False)
+
+
 def _without_places(tmp_path):
     """The module where Numba can write neither beside it nor below the home folder."""
     shutil.copy(compilation.__file__, tmp_path / 'compilation.py')
@@ -69,6 +90,40 @@ def test_machine_code_goes_to_a_temporary_folder_where_there_is_no_other(tmp_pat
         assert str(folder) in result.stderr and 'set NUMBA_CACHE_DIR' in result.stderr
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
     assert list(folder.rglob('kernels.f-*.nbc'))
+
+
+def test_what_was_compiled_into_an_installation_is_read_by_users_who_may_not_write_there(tmp_path):
+    """What they compile themselves is kept in a folder of theirs."""
+    environment = _without_places(tmp_path) | {'HOME': str(tmp_path / 'user'),
+                                               'XDG_CACHE_HOME': str(tmp_path / 'user')}
+    (tmp_path / 'home').unlink()
+    (tmp_path / '__pycache__').unlink()
+    (tmp_path / 'kernels.py').write_text(
+        'import compilation\n'
+        '@compilation.njit\n'
+        'def f(x):\n'
+        '    return x + 1\n'
+        'def first():\n'
+        '    with compilation.counted() as kernels:\n'
+        '        f(1)\n'
+        '    return kernels.n\n')
+    read_only = ('from pathlib import Path\n'
+                 'from numba.core import caching\n'
+                 'def ensure(self, may=caching._CacheLocator.ensure_cache_path):\n'
+                 '    if Path(self.get_cache_path()) == Path("__pycache__").absolute():\n'
+                 '        raise PermissionError\n'
+                 '    may(self)\n'
+                 'caching._CacheLocator.ensure_cache_path = ensure\n'  # root may write anywhere
+                 'import kernels\n'
+                 'assert kernels.f._cache.cache_path.startswith(str(Path("user").absolute()))\n')
+    for code, n in (('import kernels\n', 1), (read_only, 0)):
+        result = _run(tmp_path, code + f'assert kernels.first() == {n}, kernels.first()',
+                      environment)
+        assert result.returncode == 0, result.stderr
+    assert not list((tmp_path / 'user').rglob('*.nbc'))
+    result = _run(tmp_path, read_only + 'kernels.f(1.0)', environment)  # of another type
+    assert result.returncode == 0, result.stderr
+    assert list((tmp_path / 'user').rglob('*.nbc'))
 
 
 def test_a_temporary_folder_that_others_may_write_to_is_not_used(tmp_path):

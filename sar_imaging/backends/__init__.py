@@ -9,6 +9,7 @@ formulas themselves: slow, and what every other backend is tested against and wr
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import importlib
 import logging
@@ -166,6 +167,13 @@ def compile_beforehand(*entries: str, name: str | Backend = AUTO) -> None:
     compile_kernels = getattr(backend(name), 'compile_kernels', None)
     for entry in entries if compile_kernels else ():
         compile_kernels(entry)
+
+
+def compilation_announced() -> contextlib.AbstractContextManager[None]:
+    """`compilation.announced`, of which a backend that compiles nothing makes no use."""
+    from ..compilation import announced  # now, since Numba takes a second to load
+
+    return announced()
 
 
 # Plans are made for the processor, wherever they are computed.

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..backends import AUTO, CUDA, DeviceError
+from ..backends import AUTO, CUDA, DeviceError, compilation_announced
 from ..backends.samples import check_device_arrays, compress
 from ..device_arrays import beside, on_device, to_host, zeros_beside
 from ..geometry.grids import Grid, MapGrid, as_grid
@@ -357,18 +357,19 @@ class Imager:
             if self._options.backend == AUTO:
                 return self._formed_there(number, block, onto)
             check_device_arrays(self._options.backend)
-        where = block.tx_m, block.rx_m, block.pointing
-        planned = self._planned(number, *where)
-        if self._asked is None and planned.NAME != EXACT:
-            samples, report = self._image(planned, block)
-            predicted_db = report.predicted_error_db
-            missed_db = 0.0 if predicted_db is None else predicted_db - self._options.target_db
-            if missed_db <= 0:
-                return (samples if onto is None else np.add(onto, samples, out=onto)), report
-            planned = self._plan_anew(
-                number, method_class(EXACT), where, f'{planned.NAME} would miss the target by '
-                f'{missed_db:.1f} dB: the surroundings are bright')
-        return self._image(planned, block, onto)
+        with compilation_announced():
+            where = block.tx_m, block.rx_m, block.pointing
+            planned = self._planned(number, *where)
+            if self._asked is None and planned.NAME != EXACT:
+                samples, report = self._image(planned, block)
+                predicted_db = report.predicted_error_db
+                missed_db = 0.0 if predicted_db is None else predicted_db - self._options.target_db
+                if missed_db <= 0:
+                    return (samples if onto is None else np.add(onto, samples, out=onto)), report
+                planned = self._plan_anew(
+                    number, method_class(EXACT), where, f'{planned.NAME} would miss the target by '
+                    f'{missed_db:.1f} dB: the surroundings are bright')
+            return self._image(planned, block, onto)
 
     def _formed_there(self, number: int, block: PulseBlock, onto: np.ndarray | None
                       ) -> tuple[np.ndarray, Report]:
