@@ -699,8 +699,8 @@ def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_
     numbers : (int, int), optional
         Groups, and parts of each, for the map as a whole; the quickest if left out.
     before : GroupPlan, optional
-        For the pulses of a window before. Its numbers are taken where they make an image as quick
-        as when they were sought.
+        For as many echoes of a window before. Its numbers are taken where they make an image as
+        quick as when they were sought.
 
     Returns
     -------
@@ -714,7 +714,8 @@ def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_
     echoes = Echoes(tx_m, rx_m, radar, window, target_db)
     if echoes.still:
         return None
-    again = before is not None and not before.rest and len(before.maps) == 1
+    again = (before is not None and not before.rest and len(before.maps) == 1
+             and len(before.maps[0].tx) == len(echoes))
     if again:
         numbers = len(before.maps[0].groups), before.maps[0].n_parts
     maps, rest = [], []
