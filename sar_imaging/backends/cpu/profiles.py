@@ -72,7 +72,7 @@ def farrow_coefficients(samples, weights, first, pad, out):
     weights, first : (degree + 1, TAPS) float32, int
         Of `Interpolator`.
     pad : int
-        Cells at both ends that are zero; between them are LANES or more.
+        Cells at both ends that stay as they are; between them are LANES or more.
     out : (R, U, 2 * (degree + 1), n) float32
         Planes of real, then imaginary coefficients of each phase.
     """
@@ -99,9 +99,6 @@ def _weigh_all(samples, shape, start, weights, degrees, pad, out):
         target = out.ctypes.data + 4 * (task * n_planes * n + pad)
         weigh_samples(table, imaginary, weights, degrees, 0, inside - LANES + 1, target, 4 * n)
         weigh_samples(table, imaginary, weights, degrees, inside - LANES, inside, target, 4 * n)
-        for plane in range(n_planes):
-            out[echo, phase, plane, :pad] = 0.0
-            out[echo, phase, plane, n - pad:] = 0.0
 
 
 _CHUNK_BYTES = 64 << 20  # coefficients of one pass over the image
@@ -187,6 +184,11 @@ class Profiles:
         _split_phases(padded.reshape(-1).view(np.float32), lattice.n_cells, first, *inside, split)
         planes = self._buffer('planes', (n_echoes, lattice.n_phases, lattice.interpolator.n_planes,
                                          self._count), np.float32)
+        layout, (known, n_known) = (*planes.shape[1:], self._pad), self._buffer.layouts.get(
+            'planes', (None, 0))
+        if known != layout or n_known < n_echoes:
+            planes[..., :self._pad] = planes[..., -self._pad:] = 0.0
+            self._buffer.layouts['planes'] = layout, n_echoes
         farrow_coefficients(split, lattice.interpolator.weights, lattice.interpolator.first,
                             self._pad, planes)
         return planes
