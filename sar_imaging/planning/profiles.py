@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 
 import numpy as np
@@ -330,6 +331,7 @@ def rise(n: int) -> np.ndarray:
 
 
 ECHOES_PER_PASS = 32  # echoes that share the reference for the phase along a segment
+PASSES = ECHOES_PER_PASS, 8, 2  # fewer where phases of neighbours differ much along a segment
 _SEGMENTS = (256, 128, 64, 32, 16, 8)
 _MAX_PHASES = 8
 _ECHOES_FOR_ERRORS = 256  # enough for averages, to which few echoes add most
@@ -363,6 +365,8 @@ class RangeResampling:
         Weights for this oversampling and drift.
     predicted_error_db : float
         Predicted error of the image against time-domain correlation, dB.
+    echoes_per_pass : int
+        Most echoes that share the reference for the phase along a segment.
     """
 
     n_padded: int
@@ -373,13 +377,19 @@ class RangeResampling:
     spacing: float
     interpolator: Interpolator
     predicted_error_db: float
+    echoes_per_pass: int = ECHOES_PER_PASS
 
     @property
     def cost(self) -> float:
         """Nanoseconds per pixel and echo."""
         model = costs()
-        return (model.line_pixel + model.line_segment / self.segment if self.segment
-                else model.point_pixel)
+        return ((model.line_pixel + model.line_segment / self.segment) * self._passes
+                if self.segment else model.point_pixel)
+
+    @property
+    def _passes(self) -> float:
+        """Times the work of usual passes: the end of one takes as long as an echo (measured)."""
+        return 1 + 1 / self.echoes_per_pass - 1 / ECHOES_PER_PASS
 
     def oversampling(self, radar: RadarParameters) -> float:
         """Lattice positions to a range resolution cell, 1 / bandwidth, of a radar."""
@@ -393,7 +403,8 @@ class RangeResampling:
     def operations(self, n_echoes: int, n_pixels: int) -> dict[str, float]:
         """How often adding echoes to an image does the operations of `CostModel`."""
         counts = {'profile_bin': self.n_padded, 'profile_cell': self.n_cells * self.n_phases}
-        counts |= ({'line_pixel': n_pixels, 'line_segment': n_pixels / self.segment}
+        n_lines = n_pixels * self._passes
+        counts |= ({'line_pixel': n_lines, 'line_segment': n_lines / self.segment}
                    if self.segment else {'point_pixel': n_pixels})
         return {name: n_echoes * n for name, n in counts.items()}
 
@@ -415,7 +426,7 @@ def least_cost(slopes: tuple[float, float], radar: RadarParameters) -> float:
 
 def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParameters,
                     n_samples: int, target_db: float, *, fit_spacing: bool = False,
-                    periodic: bool = False) -> RangeResampling | None:
+                    periodic: bool = False, passes=(ECHOES_PER_PASS,)) -> RangeResampling | None:
     """Choose lattice, segment and interpolator for an error target of reading a profile, dB.
 
     None where range does not follow the lines closely enough.
@@ -432,24 +443,26 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
         The image may take the pixel spacing that fits the lattice, near `spacing`.
     periodic : bool
         The samples are a period, which no zeros may extend.
+    passes : sequence of int
+        Echoes of a pass to choose from: the first with which segments suffice.
     """
     slope = paths.of_illuminated(paths.derivatives[0])
     if not slope.size or slope.min() <= 0:
         return None
     middle = 0.5 * float(slope.min() + slope.max())
-    pitch, errors = spacing * middle, _expansion_errors(paths, radar)
+    pitch, asked = spacing * middle, spacing
     slope = _slopes_of_some(paths)
     longest = next((s for s in reversed(_SEGMENTS) if s >= n_line), _SEGMENTS[0])
-    for phases in range(1, _MAX_PHASES + 1):
+    errors = functools.cache(lambda together: _expansion_errors(paths, radar, together))
+    for together, phases in itertools.product(passes, range(1, _MAX_PHASES + 1)):
         n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, phases,
                                           finer=fit_spacing, periodic=periodic)
         cell = n_padded * radar.sample_spacing_m / n_cells
-        if fit_spacing:
-            spacing = cell / middle
+        spacing = cell / middle if fit_spacing else asked
         for segment in _SEGMENTS[_SEGMENTS.index(longest):]:  # the longer, the quicker
             lattice = _fitted(RangeResampling(n_padded, n_cells, phases, segment, cell / phases,
-                                              spacing, None, math.inf),
-                              slope, errors, radar, target_db)
+                                              spacing, None, math.inf, together),
+                              slope, errors(together), radar, target_db)
             if lattice is not None:  # more phases only cost memory
                 return lattice
     return None
@@ -479,7 +492,8 @@ def resampling_error_db(lattice: RangeResampling, paths: Paths, radar: RadarPara
     drift = _drift(lattice, _slopes_of_some(paths))
     if drift.max() > lattice.interpolator.margin + DRIFT_SLACK:
         return math.inf
-    return _predicted_db(lattice, _drifting_db(lattice, drift), _expansion_errors(paths, radar))
+    return _predicted_db(lattice, _drifting_db(lattice, drift), _expansion_errors(
+        paths, radar, lattice.echoes_per_pass))
 
 
 def _drift(lattice, slope) -> np.ndarray:
@@ -508,28 +522,28 @@ def _some_echoes(n: int) -> np.ndarray:
     return np.linspace(0, n - 1, min(n, _ECHOES_FOR_ERRORS)).round().astype(int)
 
 
-def _from_shared(paths: Paths) -> list[np.ndarray]:
-    """Derivatives of some echoes, less those of the middle one of the `ECHOES_PER_PASS` around."""
+def _from_shared(paths: Paths, together: int) -> list[np.ndarray]:
+    """Derivatives of some echoes, less those of the middle one of their pass."""
     n = len(paths.length)
     echoes = _some_echoes(n)
-    middle = middle_of_pass(echoes, paths.parts, n)
+    middle = middle_of_pass(echoes, paths.parts, n, together)
     found = [paths.of_illuminated(d[echoes] - d[middle], echoes) for d in paths.derivatives]
     return found if found[0].size else [np.zeros(1)] * len(found)
 
 
-def middle_of_pass(echoes, parts, n: int) -> np.ndarray:
+def middle_of_pass(echoes, parts, n: int, together: int = ECHOES_PER_PASS) -> np.ndarray:
     """(K,) int64 middle of the pass of each echo, of n; `parts` are the first added by itself."""
     part = np.searchsorted(parts, echoes, 'right')
     first, stop = np.take(parts, part - 1), np.append(parts, n)[part]
-    start = first + (echoes - first) // ECHOES_PER_PASS * ECHOES_PER_PASS
-    return start + np.minimum(stop - start, ECHOES_PER_PASS) // 2
+    start = first + (echoes - first) // together * together
+    return start + np.minimum(stop - start, together) // 2
 
 
 def _rms(values) -> float:
     return math.sqrt(np.mean(np.square(values)))
 
 
-def _expansion_errors(paths, radar):
+def _expansion_errors(paths, radar, together: int):
     """Rms errors over a segment of half length 1, and the powers of it that they grow with.
 
     d_n being the path's derivatives by f, -1 to 1, the envelope's place lacks d_3 f^3 / 6, the
@@ -540,7 +554,7 @@ def _expansion_errors(paths, radar):
     k = radar.wavenumber_rad_per_m
     band = radar.half_band_rad_per_m / math.sqrt(3)
     a, b, c = (k * d / math.factorial(n + 1)
-               for n, d in enumerate(_from_shared(paths)[:3]))
+               for n, d in enumerate(_from_shared(paths, together)[:3]))
     a2, b2 = a * a, b * b
     quartic = np.hypot(a2 * a2 / 24 - b2 / 2 - a * c, a2 * b / 2) / 8 / math.sqrt(2)
     quintic = np.hypot(a2 * a * b / 6, a2 * a2 * a / 120 - a * b2 / 2 - a2 * c / 2) / 4

@@ -15,7 +15,7 @@ from numba.core import types
 
 from ...compilation import njit, numba
 from ...planning.interpolators import TAPS
-from ...planning.profiles import ECHOES_PER_PASS, PhaseHistory, RangeGate, RangeResampling, rise
+from ...planning.profiles import PhaseHistory, RangeGate, RangeResampling, rise
 from ...signal.radar import RadarParameters
 from .fft import transform_rows
 from .instructions import FLOAT, INT, LANES, Vector, instructions
@@ -152,7 +152,8 @@ class Profiles:
     def chunks(self, n_echoes: int):
         """Slices of echoes that are added in one pass."""
         n_bytes = 4 * self.lattice.interpolator.n_planes * self.lattice.n_phases * self._count
-        step = min(ECHOES_PER_PASS, max(numba.get_num_threads(), _CHUNK_BYTES // n_bytes))
+        step = min(self.lattice.echoes_per_pass,
+                   max(numba.get_num_threads(), _CHUNK_BYTES // n_bytes))
         return (slice(lo, min(lo + step, n_echoes)) for lo in range(0, n_echoes, step))
 
     def planes(self, samples) -> np.ndarray:

@@ -30,7 +30,7 @@ from .profiles import Profiles
 from .transfers import in_pieces
 
 THREADS, LINES, PIXELS = 128, 8, 2
-ECHOES = 32  # echoes that share the reference for the phase: `ECHOES_PER_PASS` of the plans
+ECHOES = 32  # most echoes that share the reference for the phase: `ECHOES_PER_PASS` of plans
 _ITEMS = 512  # echoes times lines of a block whose geometry lies in shared memory
 FOLD = 5  # cells of a block, 32, whose coefficients of one power stand together
 _BLOCK, _BLOCK_PAIRS = 1 << FOLD, np.uint64(5 << FOLD)  # cells, and coefficients: of degree 4
@@ -396,7 +396,11 @@ class Lines:
         centres = xp.asarray(np.concatenate([tx_m, rx_m], axis=1))
         antennas = illumination and Antennas(illumination)
         n_bytes = max(0 if nodes is None else nodes.echo_bytes for nodes in self._nodes)
-        for echoes, some in in_pieces(samples, profiles.chunks(len(samples), ECHOES, n_bytes)):
+        together, n_echoes = lattice.echoes_per_pass, len(samples)
+        chunks = profiles.chunks(n_echoes, ECHOES, n_bytes) if together >= ECHOES else (
+            slice(first, min(first + together, n_echoes))
+            for first in range(0, n_echoes, together))
+        for echoes, some in in_pieces(samples, chunks):
             planes = profiles.planes(some)
             for (lines, layout), nodes in zip(self._layers, self._nodes, strict=True):
                 profile = (lattice.n_phases, profiles.n_cells, profiles.range_at(segment),

@@ -132,7 +132,8 @@ class SegmentPhasors:
         line, pixel = pairs.index
         half, radar = lattice.segment // 2, echoes.radar
         middle = pixel // lattice.segment * lattice.segment + half
-        numbers = pairs.echoes, middle_of_pass(pairs.echoes, echoes.starts, len(echoes.tx_m))
+        numbers = pairs.echoes, middle_of_pass(pairs.echoes, echoes.starts, len(echoes.tx_m),
+                                               lattice.echoes_per_pass)
         at = lines.locate(middle, line)
         path, shared = (pair_paths(echoes.tx_m[n], echoes.rx_m[n], at) for n in numbers)
         length = pair_lengths(echoes.tx_m[pairs.echoes], echoes.rx_m[pairs.echoes],
