@@ -237,12 +237,15 @@ def table(results: dict) -> str:
     for name, found in results['cases'].items():
         for method in METHODS:
             cells = [found[f'{method}, {t:g} dB'] for t in TARGETS_DB]
+            if all('refused' in c for c in cells):
+                rows.append(f'| {name} | {method} | refused | | | | | | |')
+                continue
 
             def told(key, cells=cells, scale=1):
                 return ', '.join('–' if key not in c else f'{scale * c[key]:.3g}' for c in cells)
 
-            faster = ', '.join('–' if 'refused' in c else format(
-                c['image_ms'] / c['image_ms_2_cores'], '.2g') for c in cells)
+            faster = ', '.join(format(c['image_ms'] / c['image_ms_2_cores'], '.2g')
+                               if 'image_ms_2_cores' in c else '–' for c in cells)
             rows.append(f'| {name} | {method} | {told("giga_per_s")} | {told("times_fastsar")} | '
                         f'{told("error_db")} | {told("planning_share", scale=100)} | '
                         f'{told("images_per_s")} | {told("measured_over_predicted")} | '
