@@ -49,8 +49,8 @@ if RUN_BY_ROSDOC2:  # which brings Sphinx and MyST, and runs no examples
     extensions = [name for name in extensions if importlib.util.find_spec(
         'latex2mathml' if name == 'mathml' else name)]
 exclude_patterns = ['_contents.md', '_templates', 'examples', 'extensions', 'paper']
-if RUN_BY_ROSDOC2:  # a page for each module, which adds nothing to the reference of public names
-    exclude_patterns += ['modules.rst', 'sar_imaging.rst', 'sar_imaging.*.rst']
+if RUN_BY_ROSDOC2:  # its pages for each module add nothing to the reference of public names
+    exclude_patterns += ['index.rst', 'modules.rst', 'sar_imaging.rst', 'sar_imaging.*.rst']
 templates_path = ['_templates']
 
 # Markdown is written for GitHub: headings have its anchors, `$` and ```mermaid work as there.
