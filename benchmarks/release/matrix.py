@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -50,7 +51,7 @@ def main() -> int:
     """Test each pair; the exit status tells of failures, not of what is missing."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('tests', nargs='*', default=TESTS, help='files and folders')
-    tests, results, failures = parser.parse_args().tests, {}, 0
+    tests, results = parser.parse_args().tests, {}
     for version in PYTHONS:
         python = interpreter(version)
         for numpy in NUMPYS:
@@ -63,17 +64,18 @@ def main() -> int:
                 try:
                     made = environment(python, version, numpy)
                 except subprocess.CalledProcessError as error:
-                    results[name], failures = f'not installed: {error}', failures + 1
+                    results[name] = f'not installed: {error}'
                 else:
-                    run = subprocess.run(  # -v takes back the -q of pyproject.toml
-                        [made, '-m', 'pytest', '-v', '-p', 'no:cacheprovider', *tests],
-                        cwd=ROOT, text=True, capture_output=True)
-                    last = (run.stdout or run.stderr).strip().splitlines()[-1].strip('= ')
-                    results[name] = last.split(' in ')[0]
-                    failures += run.returncode != 0
+                    run = subprocess.run(
+                        [made, '-m', 'pytest', '-q', '-p', 'no:cacheprovider', '--durations=0',
+                         *tests], cwd=ROOT, text=True, capture_output=True)
+                    results[name] = re.findall(r'\d+ (?:passed|failed|error).*', run.stdout)[-1:]
+                    results[name] = ', '.join(results[name]) or run.stdout[-300:] + run.stderr[
+                        -300:]
+                    print(run.stdout[-2000:] if run.returncode else '', end='')
             print(f'{name}: {results[name]}', flush=True)
             RESULTS.write_text(json.dumps(results, indent=2) + '\n')
-    return failures
+    return any('failed' in r or 'error' in r for r in results.values())
 
 
 if __name__ == '__main__':
