@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -107,7 +106,7 @@ class ReferenceMap:
     occupancy: np.ndarray | None = None
 
 
-def write_reference_map(folder: os.PathLike | str, reference: ReferenceMap) -> list[str]:
+def write_reference_map(folder: Path | str, reference: ReferenceMap) -> list[str]:
     """Write a map; returns the names of the files.
 
     Parameters
@@ -172,7 +171,7 @@ def write_nav2_map(folder: Path, occupancy: np.ndarray, grid: MapGrid) -> None:
         'negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n')
 
 
-def read_reference_map(folder: os.PathLike | str) -> ReferenceMap:
+def read_reference_map(folder: Path | str) -> ReferenceMap:
     """Read a map that `write_reference_map` wrote; its obstacles are left out.
 
     Parameters
@@ -210,7 +209,7 @@ def read_reference_map(folder: os.PathLike | str) -> ReferenceMap:
     return ReferenceMap(image, passes, seen, figures[1], figures[2], datum)
 
 
-def _array(path: Path, kind, grid: MapGrid) -> np.ndarray:
+def _array(path: Path, kind: type[np.generic], grid: MapGrid) -> np.ndarray:
     check_file(path)
     with reading(path, 'a part of a reference map'):
         mapped = np.load(path, mmap_mode='r', allow_pickle=False)
