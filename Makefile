@@ -24,7 +24,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test test-quick lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check matrix coverage colcon environment clean prediction-campaign simulator obstacle-campaign obstacle-shadows format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline
+.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test test-quick lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check matrix coverage colcon environment clean prediction-campaign simulator obstacle-campaign obstacle-shadows localization-campaign format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline
 QUICK_TESTS := test/msg_conversions test/geometry test/signal test/planning test/imaging/test_goldens.py test/imaging/test_image.py test/test_package.py
 .DEFAULT_GOAL := help
 
@@ -59,6 +59,7 @@ help:
 	@echo 'make obstacle-shadows'
 	@echo '             what obstacle maps call free behind walls and beside them, 100 scenes, 10 minutes of a core; SCENES=10 for few'
 	@echo 'make obstacle-campaign'
+	@echo 'make localization-campaign'
 	@echo '             obstacle maps of 300 random scenes beside the truth, 15 minutes of a core; SCENES=10 for few'
 	@echo 'make format-campaign'
 	@echo '             10,000 damaged files for each reader of formats; every reader and every output with hostile'
@@ -226,6 +227,10 @@ obstacle-shadows: environment
 obstacle-campaign: environment
 	@$(RUN) -m benchmarks.obstacle_campaign --scenes $${SCENES:-100} \
 	    --results $${RESULTS:-benchmarks/results/obstacles.json}
+
+# Seeds are fresh; measured data lie in ../shared/data.
+localization-campaign: environment
+	@$(RUN) -m benchmarks.localization
 
 format-campaign: formats
 	@$(RUN) -m pytest -m campaign test/formats
