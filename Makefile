@@ -24,7 +24,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test test-quick lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check matrix coverage colcon environment clean prediction-campaign simulator obstacle-campaign obstacle-shadows localization-campaign format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline
+.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test test-quick lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check matrix coverage colcon environment clean prediction-campaign simulator obstacle-campaign obstacle-shadows localization-campaign format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline benchmark-robots
 QUICK_TESTS := test/msg_conversions test/geometry test/signal test/planning test/imaging/test_goldens.py test/imaging/test_image.py test/test_package.py
 .DEFAULT_GOAL := help
 
@@ -58,6 +58,8 @@ help:
 	@echo '             goes on where it was stopped, CASES=100 for few'
 	@echo 'make obstacle-shadows'
 	@echo '             what obstacle maps call free behind walls and beside them, 100 scenes, 10 minutes of a core; SCENES=10 for few'
+	@echo 'make benchmark-robots'
+	@echo '             images near the antenna, beside FastSAR where FASTSAR names a Python that has it, 10 minutes'
 	@echo 'make obstacle-campaign'
 	@echo 'make localization-campaign'
 	@echo '             obstacle maps of 300 random scenes beside the truth, 15 minutes of a core; SCENES=10 for few'
@@ -218,6 +220,10 @@ drivers: environment
 # Every case follows from its seed; what is measured lies in out/prediction_campaign.jsonl.
 prediction-campaign: environment
 	@$(RUN) -m benchmarks.prediction_campaign --cases $${CASES:-2000}
+
+# Results go to benchmarks/results. FASTSAR names a Python that has FastSAR, beside which to measure.
+benchmark-robots: environment
+	@OMP_NUM_THREADS=1 JAX_PLATFORMS=cpu $${FASTSAR:-$(RUN)} -m benchmarks.robots
 
 # Results go to benchmarks/results, unless RESULTS names another file.
 obstacle-shadows: environment

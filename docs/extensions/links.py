@@ -23,24 +23,29 @@ LINK = re.compile(r'(\]\()([^)#\s]+)(#[^)]*)?(\))')
 CODE = re.compile(r'(^```.*?^```|`[^`\n]+`)', re.DOTALL | re.MULTILINE)
 
 
-def place_on_the_site(path: pathlib.Path) -> pathlib.Path:
-    """Source of the page that shows a file or folder of the repository, or the file itself."""
+def place_on_the_site(path: pathlib.Path, site: pathlib.Path = DOCS) -> pathlib.Path:
+    """Source of the page that shows a file or folder of the repository, or the file itself.
+
+    `site` is where the pages are built from: this folder, or a copy of it.
+    """
     name = path.relative_to(ROOT).as_posix()
     for page, outer in OUTER.items():
         if name in (outer, pathlib.PurePath(outer).parent.as_posix()):
-            return DOCS / page
-    reference = DOCS / 'api' / 'generated' / f'{name.replace("/", ".")}.rst'
+            return site / page
+    if DOCS in path.parents:
+        return site / path.relative_to(DOCS)
+    reference = site / 'api' / 'generated' / f'{name.replace("/", ".")}.rst'
     return reference if reference.exists() else path
 
 
-def _relinked(text, folder, page):
+def _relinked(text, folder, page, site):
     """Text of `folder` as it stands in `page`: relative links lead from there."""
     def link(match):
         opening, target, anchor, closing = match.groups(default='')
         path = pathlib.Path(os.path.normpath(folder / target))
         if '://' in target or target.startswith('mailto:') or not path.exists():
             return match[0]  # MyST tells what does not exist
-        place = os.path.relpath(place_on_the_site(path), page.parent)
+        place = os.path.relpath(place_on_the_site(path, site), page.parent)
         return f'{opening}{place}{anchor}{closing}'
 
     return ''.join(part if i % 2 else LINK.sub(link, part)
@@ -49,11 +54,16 @@ def _relinked(text, folder, page):
 
 def _read(app, docname, source):
     page = pathlib.Path(app.env.doc2path(docname))
-    if page.suffix != '.md' or DOCS not in page.parents:
-        return
-    file = ROOT / OUTER.get(page.relative_to(DOCS).as_posix(), page)
+    site = pathlib.Path(app.srcdir)
+    name = page.relative_to(site)
+    file = ROOT / OUTER.get(name.as_posix(), pathlib.Path('docs', name))
+    if page.suffix != '.md' and name.as_posix() not in OUTER or not file.exists():
+        return  # it needs no links, or Sphinx made it
     app.env.note_dependency(str(file))
-    source[0] = _relinked(file.read_text(), file.parent, page)
+    if page.suffix == '.rst':
+        source[0] = file.read_text()
+        return
+    source[0] = _relinked(file.read_text(), file.parent, page, site)
     if docname == app.config.root_doc:
         app.env.note_dependency(str(CONTENTS))
         source[0] += CONTENTS.read_text()

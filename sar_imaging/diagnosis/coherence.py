@@ -32,6 +32,7 @@ _GROUPS = 64
 _FEWEST_PARTS = 32
 _MOST_ROWS = 1024
 _STEPS = 4096  # of a cycle; good to -60 dB
+_POINTS = 64  # computed side by side
 _TURNS = tuple(f(2 * np.pi * np.arange(_STEPS) / _STEPS).astype(np.float32)
                for f in (np.cos, np.sin))
 _TILE = 4  # pixels along each side: power of few pulses is wide across range, and narrow along it
@@ -296,15 +297,14 @@ class _Rows:
 
     def sums(self, points):
         """Coherent sum, power of the groups and share of rows at each point."""
-        total = np.empty(len(points), np.complex64)
-        power = np.empty(len(points), np.float32)
-        covered = np.empty(len(points), np.int64)
+        sums = np.zeros((5, len(points)), np.float32)
+        covered = np.zeros(len(points), np.int32)
         radar = self.radar
-        _sum_groups(np.ascontiguousarray(points), self.tx_m, self.rx_m,
+        _sum_groups(np.ascontiguousarray(np.transpose(points)), self.tx_m, self.rx_m,
                     np.array_equal(self.tx_m, self.rx_m), self.group, self.samples,
-                           radar.range_start_m, radar.sample_spacing_m, 2 / radar.wavelength_m,
-                           *_TURNS, total, power, covered)
-        return total, power, covered / max(len(self.tx_m), 1)
+                    radar.range_start_m, 1 / radar.sample_spacing_m, 2 / radar.wavelength_m,
+                    *_TURNS, sums, covered)
+        return sums[0] + 1j * sums[1], sums[2], covered / max(len(self.tx_m), 1)
 
 
 def _along_the_way(block: PulseBlock, most: int) -> np.ndarray:
@@ -374,13 +374,13 @@ def resolved(grid: MapGrid, block: PulseBlock) -> MapGrid:
 
 
 @njit(parallel=True)
-def _sum_groups(points, tx, rx, monostatic, group, profiles, start_m, spacing_m, per_metre,
-                cosine, sine, total, power, covered):
+def _sum_groups(points, tx, rx, monostatic, group, profiles, start_m, per_sample, per_metre,
+                cosine, sine, sums, covered):
     """Backproject onto points; linear interpolation between samples.
 
     Parameters
     ----------
-    points : (K, 3) float64
+    points : (3, K) float64
         Positions, metres.
     tx, rx : (R, 3) float64
         Phase centres of the rows, metres.
@@ -390,53 +390,75 @@ def _sum_groups(points, tx, rx, monostatic, group, profiles, start_m, spacing_m,
         Group of each row, ascending.
     profiles : (R, N) complex64
         Oversampled at least four times.
-    start_m, spacing_m : float
-        Half path of the first sample and between samples, metres.
+    start_m, per_sample : float
+        Half path of the first sample, metres, and samples per metre.
     per_metre : float
         Cycles of the carrier per metre of half path, 2 / lambda.
     cosine, sine : (T,) float32
         Cosine and sine of a cycle in T steps.
-    total : (K,) complex64
-        Receives the sum over all rows.
-    power : (K,) float32
-        Receives the sum of the squared magnitudes of the groups' sums.
-    covered : (K,) int64
-        Receives the number of rows whose profile reaches the point.
+    sums : (5, K) float32
+        Receive the sum over all rows, real and imaginary part, the sum of the squared magnitudes
+        of the groups' sums, and the sum of the last group, all added to what they hold.
+    covered : (K,) int32
+        Receives the number of rows whose profile reaches the point, added likewise.
     """
-    n_rows, n_samples = profiles.shape
-    per_sample = 1.0 / spacing_m
-    n_steps = len(cosine)
-    for k in numba.prange(len(points)):
-        x, y, z = points[k, 0], points[k, 1], points[k, 2]
-        all_re = all_im = re = im = strength = np.float32(0.0)
-        n = 0
-        for row in range(n_rows):
-            if row and group[row] != group[row - 1]:
-                all_re += re
-                all_im += im
-                strength += re * re + im * im
-                re = im = np.float32(0.0)
-            d = np.sqrt((x - tx[row, 0]) ** 2 + (y - tx[row, 1]) ** 2 + (z - tx[row, 2]) ** 2)
-            if not monostatic:
-                d = 0.5 * (d + np.sqrt((x - rx[row, 0]) ** 2 + (y - rx[row, 1]) ** 2
-                                       + (z - rx[row, 2]) ** 2))
+    n = len(covered)
+    for block in numba.prange((n + _POINTS - 1) // _POINTS):
+        first = np.uint64(block * _POINTS)
+        count = np.uint64(min(_POINTS, n - block * _POINTS))
+        _add_rows(first, count, points[0], points[1], points[2], tx, rx, monostatic, group,
+                  profiles.reshape(-1), profiles.shape[1], start_m, per_sample, per_metre, cosine,
+                  sine, np.empty(_POINTS), sums[0], sums[1], sums[2], sums[3], sums[4], covered)
+
+
+@njit(distinct=True, error_model='numpy')
+def _add_rows(first, count, x, y, z, tx, rx, monostatic, group, profiles, n_samples, start_m,
+              per_sample, per_metre, cosine, sine, half_path, total_re, total_im, power, re, im,
+              covered):
+    """Add all rows to some points, which are computed side by side."""
+    n_steps, last, one = len(cosine), n_samples - 1.0, np.uint64(1)
+    for row in range(len(group)):
+        if row and group[row] != group[row - 1]:
+            _end_group(first, count, total_re, total_im, power, re, im)
+        for j in range(count):
+            k = first + j
+            half_path[j] = np.sqrt((x[k] - tx[row, 0]) ** 2 + (y[k] - tx[row, 1]) ** 2
+                                   + (z[k] - tx[row, 2]) ** 2)
+        if not monostatic:
+            for j in range(count):
+                k = first + j
+                half_path[j] = 0.5 * (half_path[j] + np.sqrt(
+                    (x[k] - rx[row, 0]) ** 2 + (y[k] - rx[row, 1]) ** 2
+                    + (z[k] - rx[row, 2]) ** 2))
+        begin = np.uint64(row * n_samples)
+        for j in range(count):
+            k, d = first + j, half_path[j]
             place = (d - start_m) * per_sample
-            if not 0.0 <= place < n_samples - 1:
-                continue
-            n += 1
-            cell = int(place)
-            t = np.float32(place - cell)
-            a, b = profiles[row, cell], profiles[row, cell + 1]
+            inside = (place >= 0.0) & (place < last)
+            place = place if inside else 0.0
+            cell = np.int32(place)
+            t, weight = np.float32(place - cell), np.float32(inside)
+            sample = begin + np.uint64(np.uint32(cell))
+            a, b = profiles[sample], profiles[sample + one]
             v_re = a.real + t * (b.real - a.real)
             v_im = a.imag + t * (b.imag - a.imag)
             cycles = d * per_metre
-            step = int((cycles - np.floor(cycles)) * n_steps)
-            c, s = cosine[step], sine[step]
-            re += v_re * c - v_im * s
-            im += v_re * s + v_im * c
-        total[k] = complex(all_re + re, all_im + im)
-        power[k] = strength + re * re + im * im
-        covered[k] = n
+            step = np.uint64(np.uint32(np.int32((cycles - np.floor(cycles)) * n_steps)))
+            c, s = weight * cosine[step], weight * sine[step]
+            re[k] += v_re * c - v_im * s
+            im[k] += v_re * s + v_im * c
+            covered[k] += np.int32(inside)
+    _end_group(first, count, total_re, total_im, power, re, im)
+
+
+@njit(inline='always')
+def _end_group(first, count, total_re, total_im, power, re, im):
+    for j in range(count):
+        k = first + j
+        total_re[k] += re[k]
+        total_im[k] += im[k]
+        power[k] += re[k] * re[k] + im[k] * im[k]
+        re[k] = im[k] = np.float32(0.0)
 
 
 def compile_kernels() -> None:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -106,7 +107,7 @@ class ReferenceMap:
     occupancy: np.ndarray | None = None
 
 
-def write_reference_map(folder: Path | str, reference: ReferenceMap) -> list[str]:
+def write_reference_map(folder: os.PathLike[str] | str, reference: ReferenceMap) -> list[str]:
     """Write a map; returns the names of the files.
 
     Parameters
@@ -171,7 +172,7 @@ def write_nav2_map(folder: Path, occupancy: np.ndarray, grid: MapGrid) -> None:
         'negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n')
 
 
-def read_reference_map(folder: Path | str) -> ReferenceMap:
+def read_reference_map(folder: os.PathLike[str] | str) -> ReferenceMap:
     """Read a map that `write_reference_map` wrote; its obstacles are left out.
 
     Parameters

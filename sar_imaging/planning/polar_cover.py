@@ -24,7 +24,7 @@ from .aliasing_error import TAPERS_NEEDED, used_share
 from .echo_power import echo_powers, spread_frequencies, tail_error
 from .interpolators import Interpolator, fitting_interpolator, margin
 from .plan import total_db
-from .profiles import RangeGate, RangeResampling, echoes_for_means, plan_resampling
+from .profiles import PASSES, RangeGate, RangeResampling, echoes_for_means, plan_resampling
 
 if TYPE_CHECKING:
     from .profiles import PhaseHistory
@@ -184,9 +184,9 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     slack = 2 * margin(TAPS) * spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
     range_m = lo - slack, hi + slack
     window = band or RangeGate.around(radar, n_samples, range_m)
-    lattice = plan_resampling(dataclasses.replace(paths, weight=weight), spacing, n_line, radar,
-                              window.n_samples, lattice_db,
-                              fit_spacing=True, periodic=window.periodic)
+    lattice = plan_resampling(paths, spacing, n_line, radar, window.n_samples, lattice_db,
+                              fit_spacing=True, periodic=window.periodic,
+                              passes=PASSES if fused else PASSES[:1])
     if lattice is None:
         return None
     polar = _cover(grid, frame, axis, lattice.spacing * ratio[0] / ratio[1], half_alpha, between)

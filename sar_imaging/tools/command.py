@@ -39,6 +39,10 @@ COMMANDS = {
     ('doctor',): 'products.doctor',
 }
 
+#: Commands that may change with each version, see docs/stability.md.
+PROVISIONAL = (('simulate', 'archive'), ('archive',), ('measure-costs',), ('radar-constant',),
+               ('change',), ('map',), ('locate',))
+
 # What is said where a library is not installed that not every machine has.
 _LACKING = {
     'rclpy': 'talks to ROS nodes and needs rclpy, which is not installed; docs/install.md has the '
@@ -86,9 +90,10 @@ def _run(module: str, words: Sequence[str]) -> int:
 def overview() -> str:
     """The commands, a line each."""
     width = max(len(' '.join(words)) for words in COMMANDS)
-    rows = [f'  {" ".join(words):{width}}  {_purpose(module)}'
-            for words, module in COMMANDS.items()]
-    return '\n'.join(['usage: sar-imaging COMMAND [ARGUMENTS]; each has --help', '', *rows])
+    rows = [f'  {" ".join(words):{width}} {"*" if words in PROVISIONAL else " "}'
+            f'{_purpose(module)}' for words, module in COMMANDS.items()]
+    return '\n'.join(['usage: sar-imaging COMMAND [ARGUMENTS]; each has --help', '', *rows, '',
+                      '* provisional: may change with the next minor version'])
 
 
 def _purpose(module: str) -> str:

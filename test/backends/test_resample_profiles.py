@@ -24,7 +24,7 @@ def test_coefficients_are_weighted_sums_of_neighbours(seed, n_rows, n_phases, pa
     length, weights = n_inside + 2 * TAPS, rng.standard_normal((degree + 1, TAPS))
     weights = weights.astype(np.float32)
     samples = rng.standard_normal((2, n_rows, n_phases, length)).astype(np.float32)
-    out = np.full((n_rows, n_phases, 2 * degree + 2, n_inside + 2 * pad), np.nan, np.float32)
+    out = np.zeros((n_rows, n_phases, 2 * degree + 2, n_inside + 2 * pad), np.float32)
     farrow_coefficients(samples, weights, first, pad, out)
     # sample U * cell + phase of a dense profile stands at [phase, cell + TAPS]
     dense = samples.astype(float).swapaxes(2, 3).reshape(2, n_rows, -1)

@@ -29,7 +29,7 @@ def _tone_error(frequency, n, guard, beta):
     """Mean squared error of a tapered tone between the guards, interpolated by its spectrum."""
     spectrum = np.fft.fft(guard_taper(n, guard, beta)
                           * np.exp(2j * np.pi / n * frequency * np.arange(n))) / n
-    place = np.linspace(guard, n - guard, 40 * n, endpoint=False)
+    place = np.linspace(guard, n - guard, 5 * n, endpoint=False)
     read = np.exp(2j * np.pi / n * np.outer(place, n * np.fft.fftfreq(n))) @ spectrum
     return np.mean(np.abs(read - np.exp(2j * np.pi / n * frequency * place)) ** 2)
 
@@ -58,7 +58,7 @@ def test_chirps_err_by_their_frequencies_at_the_guards(first, last):
     n, guard, beta = 84, 8.9, 3.75
     place, parts = np.linspace(-0.5 * guard / (n - 2 * guard), 1, 5), np.zeros((2, 3))
     place[-1] = 1 - place[0]  # frequencies are those in the middle of the tapers
-    read = np.linspace(guard, n - guard, 3000, endpoint=False)
+    read = np.linspace(guard, n - guard, 600, endpoint=False)
 
     def phase(cell, bins):
         u = (cell - guard) / (n - 2 * guard)

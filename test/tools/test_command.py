@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one program: its commands are the tools."""
 
+import re
 import signal
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import llvmlite.binding as llvm
 import numba
@@ -28,8 +30,16 @@ def test_the_overview_has_every_command_and_its_purpose(capsys):
     text = capsys.readouterr().out
     for words in command.COMMANDS:
         [line] = [line for line in text.splitlines()
-                  if line.startswith(f'  {" ".join(words)}  ')]
+                  if re.match(f'  {" ".join(words)} +[*A-Z]', line)]
         assert line.endswith('.')
+        assert (' *' in line) == (words in command.PROVISIONAL)
+
+
+def test_the_page_of_what_stays_names_the_provisional_commands():
+    text = (Path(__file__).parents[2] / 'docs' / 'stability.md').read_text()
+    table = text.split('**Provisional**')[1].split('\n## ')[0]
+    named = re.findall('`(?:sar-imaging )?([a-z -]+)`', table)
+    assert {' '.join(words) for words in command.PROVISIONAL} <= set(named)
 
 
 def test_what_does_not_exist_is_named(capsys):

@@ -30,12 +30,14 @@ class WorkSpace:
 
     def __init__(self):
         self._buffers: dict[str, np.ndarray] = {}
+        self.layouts: dict[str, tuple] = {}  # what a buffer's contents are, as its writer says
 
     def __call__(self, name: str, shape: tuple[int, ...], dtype) -> np.ndarray:
         """Contiguous array of any contents."""
         size = math.prod(shape)
         if name not in self._buffers or self._buffers[name].size < size:
             self._buffers[name] = aligned_empty((size,), dtype)
+            self.layouts.pop(name, None)
         return self._buffers[name][:size].reshape(shape)
 
 

@@ -157,20 +157,19 @@ def _store_positions(b, v, least, last, to):
     """Lowest start, and relative to it the starts of all lanes and what is left."""
     v = v.where('>', least, v, least)
     v = v.where('<', last, v, last)
-    low = v
-    step = LANES // 2
-    while step:
-        other = Vector(b, b.shuffle_vector(low.value, low.value, order(
-            i ^ step for i in range(LANES))))
-        low = low.where('<', other, low, other)
-        step //= 2
-    low = low.call('floor')
+    low, lanes = v, LANES
+    while lanes > 1:
+        lanes //= 2
+        halves = [Vector(b, b.shuffle_vector(low.value, low.value, order(
+            range(begin, begin + lanes)))) for begin in (0, lanes)]
+        low = halves[0].where('<', halves[1], *halves)
+    first = b.extract_element(low.call('floor').value, INT32(0))
+    low = b.spread(first, LANES)
     v = (v - low).rounded()
     start = v.call('floor')
     _store(b, v - start - 0.5, to, _T)
     _store(b, start, to, _START)
-    b.store(b.fptosi(b.extract_element(low.value, INT32(0)), INT),
-            b.pointer(to, INT, FIRST))
+    b.store(b.fptosi(first, INT), b.pointer(to, INT, FIRST))
 
 
 def _interpolate_vector(b, sources, step, weights, taps, positions, targets):
@@ -321,7 +320,7 @@ def group_to_map(lines, group, axes_m, plan: GroupedMap, cycles_per_m: float, im
     origin, track = (group['x_m'], group['y_m']), (group['track_x'], group['track_y'])
     line, rows = axes_m[axis] - origin[axis], axes_m[1 - axis] - origin[1 - axis]
     spacing = group['alpha_spacing']
-    ahead = math.copysign(track[axis], track[axis] * line.mean())
+    ahead = math.copysign(track[axis], track[axis] * (line[0] + line[-1]))
     _interpolate(lines[:, 0], lines[:, 1], _Lines(
         line, rows, (float(ahead / spacing), float(track[1 - axis] / spacing),
                      float(group['alpha'] / spacing - plan.between.first)),

@@ -15,7 +15,7 @@ from numba.core import types
 
 from ...compilation import njit, numba
 from ...planning.interpolators import TAPS
-from ...planning.profiles import ECHOES_PER_PASS, PhaseHistory, RangeGate, RangeResampling, rise
+from ...planning.profiles import PhaseHistory, RangeGate, RangeResampling, rise
 from ...signal.radar import RadarParameters
 from .fft import transform_rows
 from .instructions import FLOAT, INT, LANES, Vector, instructions
@@ -72,7 +72,7 @@ def farrow_coefficients(samples, weights, first, pad, out):
     weights, first : (degree + 1, TAPS) float32, int
         Of `Interpolator`.
     pad : int
-        Cells at both ends that are zero; between them are LANES or more.
+        Cells at both ends that stay as they are; between them are LANES or more.
     out : (R, U, 2 * (degree + 1), n) float32
         Planes of real, then imaginary coefficients of each phase.
     """
@@ -99,9 +99,6 @@ def _weigh_all(samples, shape, start, weights, degrees, pad, out):
         target = out.ctypes.data + 4 * (task * n_planes * n + pad)
         weigh_samples(table, imaginary, weights, degrees, 0, inside - LANES + 1, target, 4 * n)
         weigh_samples(table, imaginary, weights, degrees, inside - LANES, inside, target, 4 * n)
-        for plane in range(n_planes):
-            out[echo, phase, plane, :pad] = 0.0
-            out[echo, phase, plane, n - pad:] = 0.0
 
 
 _CHUNK_BYTES = 64 << 20  # coefficients of one pass over the image
@@ -155,7 +152,8 @@ class Profiles:
     def chunks(self, n_echoes: int):
         """Slices of echoes that are added in one pass."""
         n_bytes = 4 * self.lattice.interpolator.n_planes * self.lattice.n_phases * self._count
-        step = min(ECHOES_PER_PASS, max(numba.get_num_threads(), _CHUNK_BYTES // n_bytes))
+        step = min(self.lattice.echoes_per_pass,
+                   max(numba.get_num_threads(), _CHUNK_BYTES // n_bytes))
         return (slice(lo, min(lo + step, n_echoes)) for lo in range(0, n_echoes, step))
 
     def planes(self, samples) -> np.ndarray:
@@ -187,6 +185,11 @@ class Profiles:
         _split_phases(padded.reshape(-1).view(np.float32), lattice.n_cells, first, *inside, split)
         planes = self._buffer('planes', (n_echoes, lattice.n_phases, lattice.interpolator.n_planes,
                                          self._count), np.float32)
+        layout, (known, n_known) = (*planes.shape[1:], self._pad), self._buffer.layouts.get(
+            'planes', (None, 0))
+        if known != layout or n_known < n_echoes:
+            planes[..., :self._pad] = planes[..., -self._pad:] = 0.0
+            self._buffer.layouts['planes'] = layout, n_echoes
         farrow_coefficients(split, lattice.interpolator.weights, lattice.interpolator.first,
                             self._pad, planes)
         return planes

@@ -24,6 +24,9 @@ from .polar_grids import cover_for_fusion
 from .subapertures import SubaperturePlan, plan_subapertures
 
 _LEAST_DB, _MOST_DB = -90.0, -20.0  # targets
+# Times as long as exact backprojection point by point: steep and wide apertures fill so wide a
+# band along range that a sub-aperture image has hundreds of times as many pixels as the map
+_MOST_TIMES = 30.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -69,6 +72,11 @@ class AfbpPlan(Plan):
 
         `cover` tells how a map is made from that; None for a polar grid. The other arguments are
         attributes, `more` those of a subclass.
+
+        Raises
+        ------
+        ValueError
+            It takes many times as long as exact backprojection.
         """
         errors = plan.errors_db
         if cover is not None:
@@ -82,6 +90,7 @@ class AfbpPlan(Plan):
         warnings = (*plan.warnings, *beyond, *azimuth_warnings(pixels, tx_m, rx_m, plan.radar,
                                                                illumination))
         seconds = costs().seconds(_operations(grid, plan))
+        _check_seconds(seconds, tx_m[..., 0].size * math.prod(grid.shape))
         return cls(grid, tx_m.copy(), rx_m.copy(), plan, errors, seconds, _n_bytes(grid, plan),
                    warnings, **more)
 
@@ -128,6 +137,15 @@ def check_arguments(grid, target_db: float, tx_m: np.ndarray, rx_m: np.ndarray) 
     if tx_m.shape != rx_m.shape or tx_m.ndim != 3 or tx_m.shape[-1] != 3 or not tx_m.size:
         raise ValueError(f'tx_m.shape={tx_m.shape}, rx_m.shape={rx_m.shape}; expected '
                          '(pulses, channels, 3) for both')
+
+
+def _check_seconds(seconds: float, n_pairs: int) -> None:
+    """Refuse with a ValueError what takes far longer than adding each echo to each pixel."""
+    times = seconds / costs().seconds({'image': 1, 'point_pixel': n_pairs})
+    if times > _MOST_TIMES:
+        raise ValueError(f'AFBP would take {seconds:.2g} s here, {times:.0f} times as long as '
+                         'exact backprojection point by point: its images need too many pixels '
+                         'for this aperture; use exact backprojection')
 
 
 def _operations(grid, plan: SubaperturePlan) -> dict[str, float]:

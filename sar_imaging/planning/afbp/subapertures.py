@@ -42,6 +42,7 @@ from ..plan import AFBP_SHARES, Plan, error_budget, remaining_db, total_db
 from ..polar_cover import PolarCover
 from ..profiles import (
     DRIFT_SLACK,
+    PASSES,
     PhaseHistory,
     RangeGate,
     RangeResampling,
@@ -909,7 +910,7 @@ class _Planner:
         """Lattice with the usual error, or where there is none, with one of `more_db`."""
         for error_db in (self._lattice_db, *more_db):
             lattice = plan_resampling(paths, spacing, self.polar.n_range, self.radar, n_samples,
-                                      error_db, periodic=self.band is not None)
+                                      error_db, periodic=self.band is not None, passes=PASSES)
             if lattice is not None:
                 return lattice
         raise ValueError('the polar grid does not follow the range of this track (too near, or '

@@ -132,7 +132,8 @@ class SegmentPhasors:
         line, pixel = pairs.index
         half, radar = lattice.segment // 2, echoes.radar
         middle = pixel // lattice.segment * lattice.segment + half
-        numbers = pairs.echoes, middle_of_pass(pairs.echoes, echoes.starts, len(echoes.tx_m))
+        numbers = pairs.echoes, middle_of_pass(pairs.echoes, echoes.starts, len(echoes.tx_m),
+                                               lattice.echoes_per_pass)
         at = lines.locate(middle, line)
         path, shared = (pair_paths(echoes.tx_m[n], echoes.rx_m[n], at) for n in numbers)
         length = pair_lengths(echoes.tx_m[pairs.echoes], echoes.rx_m[pairs.echoes],
@@ -142,13 +143,11 @@ class SegmentPhasors:
         self.drift = np.abs(path[1] - lattice.cell_m) * (half / lattice.step_m)
         a, b, c = (k * (path[n] - shared[n]) / math.factorial(n) for n in (1, 2, 3))
         self._cubic = _economised(a, b, c, half)
-        # what echoes share has its quartic term economised
         self._exact = np.exp(1j * k * (away - f * (
-            shared[1] + f * (shared[2] / 2 + f * shared[3] / 6))
-            - shared[4] / 24 * half ** 2 * (f ** 2 - half ** 2 / 8)))
-        # The envelope is read where a parabola leads, whose slope has a part of the cubic term.
+            shared[1] + f * (shared[2] / 2 + f * shared[3] / 6))))
+        # The envelope is read where a parabola leads.
         beside = radar.half_band_rad_per_m / math.sqrt(3) * (
-            away - f * (path[1] + path[3] * half ** 2 / 8 + f * path[2] / 2))
+            away - f * (path[1] + f * path[2] / 2))
         self._beside = (pairs.amplitude * beside) ** 2
         self._true = pairs.amplitude * self._exact
         self.squares = self._beside + pairs.amplitude ** 2 * np.abs(
