@@ -17,7 +17,8 @@ ROOT = DOCS.parent
 # Pages of the site whose text stands elsewhere.
 OUTER = {'project/readme.md': 'README.md', 'project/contributing.md': 'CONTRIBUTING.md',
          'project/recordings.md': 'bags/README.md', 'project/changelog.rst': 'CHANGELOG.rst',
-         'project/security-policy.md': 'SECURITY.md'}
+         'project/security-policy.md': 'SECURITY.md',
+         'project/quality-declaration.md': 'QUALITY_DECLARATION.md'}
 CONTENTS = DOCS / '_contents.md'  # which page follows which; GitHub would show it as code
 LINK = re.compile(r'(\]\()([^)#\s]+)(#[^)]*)?(\))')
 CODE = re.compile(r'(^```.*?^```|`[^`\n]+`)', re.DOTALL | re.MULTILINE)
