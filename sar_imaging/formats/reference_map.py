@@ -125,6 +125,22 @@ def write_reference_map(folder: os.PathLike[str] | str, reference: ReferenceMap)
     ------
     MissingExtraError
         The datum is known, and rasterio or pyproj is not installed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import Image, MapGrid
+    >>> from sar_imaging.exploitation.registration import LookDirection
+    >>> from sar_imaging.formats.reference_map import (
+    ...     Pass, ReferenceMap, read_reference_map, write_reference_map)
+    >>> from sar_imaging.imaging.image import Report
+    >>> grid = MapGrid((0.0, 0.0, 0.0), 8, 6, 0.5)
+    >>> image = Image(np.ones(grid.shape, np.float32), grid, 10e9, Report('exact', '', -60.0))
+    >>> reference = ReferenceMap(image, (Pass('monday', LookDirection(90.0, 20.0), 0),),
+    ...                          np.ones(grid.shape, np.uint16), 0.7, -20.0)
+    >>> names = write_reference_map('place', reference)
+    >>> read_reference_map('place').image.shape
+    (6, 8)
     """
     image = reference.image
     with filling(folder) as part:
@@ -180,6 +196,10 @@ def read_reference_map(folder: os.PathLike[str] | str) -> ReferenceMap:
     folder : path
         Folder of the map.
 
+    Returns
+    -------
+    ReferenceMap
+
     Raises
     ------
     FileNotFoundError
@@ -188,6 +208,22 @@ def read_reference_map(folder: os.PathLike[str] | str) -> ReferenceMap:
         It is no map, is damaged, or its parts contradict each other.
     MemoryError
         It is larger than the memory.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging import Image, MapGrid
+    >>> from sar_imaging.exploitation.registration import LookDirection
+    >>> from sar_imaging.formats.reference_map import (
+    ...     Pass, ReferenceMap, read_reference_map, write_reference_map)
+    >>> from sar_imaging.imaging.image import Report
+    >>> grid = MapGrid((0.0, 0.0, 0.0), 8, 6, 0.5)
+    >>> image = Image(np.ones(grid.shape, np.float32), grid, 10e9, Report('exact', '', -60.0))
+    >>> reference = ReferenceMap(image, (Pass('monday', LookDirection(90.0, 20.0), 0),),
+    ...                          np.ones(grid.shape, np.uint16), 0.7, -20.0)
+    >>> names = write_reference_map('place', reference)
+    >>> read_reference_map('place').image.shape
+    (6, 8)
     """
     folder = Path(folder)
     with reading(folder / 'map.json', 'a reference map'):
