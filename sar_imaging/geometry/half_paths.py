@@ -29,12 +29,16 @@ class Paths:
         First row of each part of the rows that is added by itself.
     illuminated : (R, S) bool, optional
         Which rows illuminate which points, where not all do.
+    weight : (W, R) float64, optional
+        Shares of the rows in the power of an image, by the worst of W cases, where they differ;
+        see `planning.echo_power`.
     """
 
     length: np.ndarray
     derivatives: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     parts: tuple[int, ...] = (0,)
     illuminated: np.ndarray | None = None
+    weight: np.ndarray | None = None
 
     def reversed(self) -> Paths:
         """The same points on lines that run the other way."""
@@ -65,6 +69,15 @@ class Paths:
                        ) -> np.ndarray:
         """Values of illuminated pairs alone, (n,), from those of all pairs or of some rows."""
         return values if self.illuminated is None else values[self.illuminated[rows]]
+
+    def mean(self, values, rows) -> float:
+        """Mean of values (K, S) of some rows, (K,), over what they illuminate, by their shares."""
+        weight = np.ones((1, len(rows))) if self.weight is None else self.weight[:, rows]
+        count = np.full(len(rows), values.shape[1])
+        if self.illuminated is not None and self.illuminated[rows].any():
+            values = values * self.illuminated[rows]
+            count = self.illuminated[rows].sum(axis=1)
+        return float((weight @ values.sum(axis=1) / (weight @ count)).max())
 
 
 def sample_paths(tx_m: np.ndarray, rx_m: np.ndarray, line: Sequence[np.ndarray]) -> Paths:

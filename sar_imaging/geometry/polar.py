@@ -176,14 +176,14 @@ class PolarGrid:
         return position, vector(a, g1), vector(zero, g2), vector(zero, g3), vector(zero, g4)
 
     def locate(self, pixel: np.ndarray, line: np.ndarray) -> list[np.ndarray]:
-        """Positions and their first to third derivative by the pixel number, metres.
+        """Positions and their first to fourth derivative by the pixel number, metres.
 
         (..., 3) float64 each, of numbers of the range and of the direction, broadcast together,
         whole or not.
         """
         derivatives = self.lines(self.range_start_m + self.range_spacing_m * pixel,
                                  self.alpha_start + self.alpha_spacing * line)
-        return [d * self.range_spacing_m ** order for order, d in enumerate(derivatives[:4])]
+        return [d * self.range_spacing_m ** order for order, d in enumerate(derivatives)]
 
     def by_direction(self, range_m: ArrayLike, alpha: ArrayLike) -> np.ndarray:
         """(..., 3) float64 derivative of the position by alpha, metres."""

@@ -184,7 +184,8 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     slack = 2 * margin(TAPS) * spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
     range_m = lo - slack, hi + slack
     window = band or RangeGate.around(radar, n_samples, range_m)
-    lattice = plan_resampling(paths, spacing, n_line, radar, window.n_samples, lattice_db,
+    lattice = plan_resampling(dataclasses.replace(paths, weight=weight), spacing, n_line, radar,
+                              window.n_samples, lattice_db,
                               fit_spacing=True, periodic=window.periodic,
                               passes=PASSES if fused else PASSES[:1])
     if lattice is None:

@@ -340,6 +340,8 @@ MOST_DRIFT = 2.0  # lattice steps
 _COARSEST = 1.25  # oversampling of a lattice, below which none is looked at
 _CLOSER_DB = 10.0  # by which the worst drift may be worse than the mean one
 _LONGER, _FINER, _FEW = 1.1, 1.03, 3  # padded length, cells, and cells around the best
+#: Rms over -1 to 1 of what is left of a cube and of a fourth power that are economised.
+EVEN_CUBIC, EVEN_QUARTIC = 1 / 4 / math.sqrt(2), 1 / 8 / math.sqrt(2)
 _COST_TRANSFORM = 0.012  # of a pass of the transform, in shares of the whole
 
 
@@ -451,7 +453,7 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
         return None
     middle = 0.5 * float(slope.min() + slope.max())
     pitch, asked = spacing * middle, spacing
-    slope = _slopes_of_some(paths)
+    slope = paths.derivatives[0][_some_echoes(paths)]
     longest = next((s for s in reversed(_SEGMENTS) if s >= n_line), _SEGMENTS[0])
     errors = functools.cache(lambda together: _expansion_errors(paths, radar, together))
     for together, phases in itertools.product(passes, range(1, _MAX_PHASES + 1)):
@@ -462,16 +464,16 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
         for segment in _SEGMENTS[_SEGMENTS.index(longest):]:  # the longer, the quicker
             lattice = _fitted(RangeResampling(n_padded, n_cells, phases, segment, cell / phases,
                                               spacing, None, math.inf, together),
-                              slope, errors(together), radar, target_db)
+                              paths, slope, errors(together), radar, target_db)
             if lattice is not None:  # more phases only cost memory
                 return lattice
     return None
 
 
-def _fitted(lattice, slope, errors, radar, target_db) -> RangeResampling | None:
+def _fitted(lattice, paths, slope, errors, radar, target_db) -> RangeResampling | None:
     """A lattice with the interpolator that it needs; None where the target is missed."""
     drift, oversampling = _drift(lattice, slope), lattice.oversampling(radar)
-    furthest = float(drift.max())
+    furthest = float(paths.of_illuminated(drift, _some_echoes(paths)).max())
     if oversampling <= _COARSEST or furthest > MOST_DRIFT:
         return None
     lattice = dataclasses.replace(lattice, interpolator=design_interpolator(
@@ -479,7 +481,7 @@ def _fitted(lattice, slope, errors, radar, target_db) -> RangeResampling | None:
     # With the worst drift everywhere first: most candidates need no closer look.
     if _predicted_db(lattice, lattice.interpolator.error_db, errors) > target_db + _CLOSER_DB:
         return None
-    predicted = _predicted_db(lattice, _drifting_db(lattice, drift), errors)
+    predicted = _predicted_db(lattice, _drifting_db(lattice, paths, drift), errors)
     return (dataclasses.replace(lattice, predicted_error_db=predicted) if predicted <= target_db
             else None)
 
@@ -489,10 +491,11 @@ def resampling_error_db(lattice: RangeResampling, paths: Paths, radar: RadarPara
 
     It is inf where pixels drift further than the lattice was made for.
     """
-    drift = _drift(lattice, _slopes_of_some(paths))
-    if drift.max() > lattice.interpolator.margin + DRIFT_SLACK:
+    echoes = _some_echoes(paths)
+    drift = _drift(lattice, paths.derivatives[0][echoes])
+    if paths.of_illuminated(drift, echoes).max() > lattice.interpolator.margin + DRIFT_SLACK:
         return math.inf
-    return _predicted_db(lattice, _drifting_db(lattice, drift), _expansion_errors(
+    return _predicted_db(lattice, _drifting_db(lattice, paths, drift), _expansion_errors(
         paths, radar, lattice.echoes_per_pass))
 
 
@@ -502,8 +505,9 @@ def _drift(lattice, slope) -> np.ndarray:
             * (lattice.segment / 2 / lattice.step_m))
 
 
-def _drifting_db(lattice, drift) -> float:
-    return 10 * math.log10(float(lattice.interpolator.error_with_drift(drift).mean()))
+def _drifting_db(lattice, paths, drift) -> float:
+    return 10 * math.log10(paths.mean(lattice.interpolator.error_with_drift(drift),
+                                      _some_echoes(paths)))
 
 
 def _predicted_db(lattice, interpolation_db, errors) -> float:
@@ -512,23 +516,13 @@ def _predicted_db(lattice, interpolation_db, errors) -> float:
                                         for power, error in errors))
 
 
-def _slopes_of_some(paths: Paths) -> np.ndarray:
-    echoes = _some_echoes(len(paths.length))
-    slope = paths.of_illuminated(paths.derivatives[0][echoes], echoes)
-    return slope if slope.size else paths.of_illuminated(paths.derivatives[0])
-
-
-def _some_echoes(n: int) -> np.ndarray:
-    return np.linspace(0, n - 1, min(n, _ECHOES_FOR_ERRORS)).round().astype(int)
-
-
-def _from_shared(paths: Paths, together: int) -> list[np.ndarray]:
-    """Derivatives of some echoes, less those of the middle one of their pass."""
-    n = len(paths.length)
-    echoes = _some_echoes(n)
-    middle = middle_of_pass(echoes, paths.parts, n, together)
-    found = [paths.of_illuminated(d[echoes] - d[middle], echoes) for d in paths.derivatives]
-    return found if found[0].size else [np.zeros(1)] * len(found)
+def _some_echoes(paths: Paths) -> np.ndarray:
+    """Numbers of echoes by which errors are told, which illuminate something."""
+    echoes = np.arange(len(paths.length))
+    if paths.illuminated is not None and paths.illuminated.any():
+        echoes = np.flatnonzero(paths.illuminated.any(axis=1))
+    n = len(echoes)
+    return echoes[np.linspace(0, n - 1, min(n, _ECHOES_FOR_ERRORS)).round().astype(int)]
 
 
 def middle_of_pass(echoes, parts, n: int, together: int = ECHOES_PER_PASS) -> np.ndarray:
@@ -539,28 +533,27 @@ def middle_of_pass(echoes, parts, n: int, together: int = ECHOES_PER_PASS) -> np
     return start + np.minimum(stop - start, together) // 2
 
 
-def _rms(values) -> float:
-    return math.sqrt(np.mean(np.square(values)))
-
-
 def _expansion_errors(paths, radar, together: int):
     """Rms errors over a segment of half length 1, and the powers of it that they grow with.
 
     d_n being the path's derivatives by f, -1 to 1, the envelope's place lacks d_3 f^3 / 6, the
-    path of all echoes d_4 f^4 / 24, and what an echo differs by,
-    ``exp(j (a f + b f^2 + c f^3))`` with ``a, b, c = k d_n / n!``, its terms in f^4,
-    economised, and f^5.
+    path that echoes share d_4 f^4 / 24, and what an echo differs by,
+    ``exp(j (a f + b f^2 + c f^3))`` with ``a, b, c = k d_n / n!``, its terms in f^4 and f^5, and
+    its own d_4. All but the last two are economised, so that they err evenly over the segment.
     """
-    k = radar.wavenumber_rad_per_m
-    band = radar.half_band_rad_per_m / math.sqrt(3)
-    a, b, c = (k * d / math.factorial(n + 1)
-               for n, d in enumerate(_from_shared(paths, together)[:3]))
+    k, echoes = radar.wavenumber_rad_per_m, _some_echoes(paths)
+    middle = middle_of_pass(echoes, paths.parts, len(paths.length), together)
+    a, b, c, d = (k * (d[echoes] - d[middle]) / math.factorial(n + 1)
+                  for n, d in enumerate(paths.derivatives))
     a2, b2 = a * a, b * b
-    quartic = np.hypot(a2 * a2 / 24 - b2 / 2 - a * c, a2 * b / 2) / 8 / math.sqrt(2)
-    quintic = np.hypot(a2 * a * b / 6, a2 * a2 * a / 120 - a * b2 / 2 - a2 * c / 2) / 4
-    third, fourth = (_rms(paths.of_illuminated(d)) for d in paths.derivatives[2:])
-    return ((3, band / math.sqrt(7) / 6 * third), (4, k / 3 / 24 * fourth), (4, _rms(quartic)),
-            (5, _rms(quintic)))
+    quartic = (a2 * a2 / 24 - b2 / 2 - a * c) ** 2 + (a2 * b / 2) ** 2
+    quintic = (a2 * a * b / 6) ** 2 + (a2 * a2 * a / 120 - a * b2 / 2 - a2 * c / 2) ** 2
+    third, fourth = (paths.derivatives[n][echoes] ** 2 for n in (2, 3))
+    band = radar.half_band_rad_per_m ** 2 / 3
+    return tuple((power, math.sqrt(paths.mean(error, echoes))) for power, error in (
+        (3, band * third * (EVEN_CUBIC / 6) ** 2),
+        (4, (k * k * fourth / 24 ** 2 + quartic) * EVEN_QUARTIC ** 2 + d * d / 9),
+        (5, quintic / 16)))
 
 
 def plan_point_resampling(radar: RadarParameters, n_samples: int, target_db: float

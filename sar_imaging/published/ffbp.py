@@ -147,7 +147,7 @@ class Ffbp(Method):
         segment = plan.resampling.segment
         n_alpha, n_range = node.shape
         size = n_alpha * n_range
-        lines = np.empty((-(-n_alpha // LINES), -(-n_range // segment), 12, LINES))
+        lines = np.empty((-(-n_alpha // LINES), -(-n_range // segment), 15, LINES))
         geometry = np.array([*frame.leave(node.centre), frame.z_m, *frame.track, *frame.across,
                              node.range_start, plan.range_spacing_m, node.alpha_start,
                              plan.levels[0].alpha_spacing])
@@ -1370,8 +1370,8 @@ def local_lines(geometry, n_alpha, segment, lines):
         y; first range and spacing, metres; first direction cosine and spacing.
     n_alpha, segment : int
         Directions, and pixels of a segment.
-    lines : (G, S, 12, LINES) float64
-        Position in the middle of each segment and its first to third derivative by the pixel
+    lines : (G, S, 15, LINES) float64
+        Position in the middle of each segment and its first to fourth derivative by the pixel
         number, metres.
     """
     ux, uy, vx, vy = geometry[4], geometry[5], geometry[6], geometry[7]
@@ -1387,6 +1387,7 @@ def local_lines(geometry, n_alpha, segment, lines):
                 g1 = r * squeeze / ground
                 g2 = (squeeze - g1 * g1) / ground
                 g3 = -3 * g1 * g2 / ground
+                g4 = -(4 * g1 * g3 + 3 * g2 * g2) / ground
                 lines[group, number, 0, j] = geometry[0] + r * alpha * ux + ground * vx
                 lines[group, number, 1, j] = geometry[1] + r * alpha * uy + ground * vy
                 lines[group, number, 2, j] = geometry[3]
@@ -1399,6 +1400,9 @@ def local_lines(geometry, n_alpha, segment, lines):
                 lines[group, number, 9, j] = g3 * vx * step * step * step
                 lines[group, number, 10, j] = g3 * vy * step * step * step
                 lines[group, number, 11, j] = 0.0
+                lines[group, number, 12, j] = g4 * vx * step ** 4
+                lines[group, number, 13, j] = g4 * vy * step ** 4
+                lines[group, number, 14, j] = 0.0
 
 
 @njit(parallel=True)

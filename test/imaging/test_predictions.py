@@ -66,9 +66,14 @@ def test_no_image_is_above_its_prediction(track, seed):
             _error_db(case, image) <= report.predicted_error_db + ALLOWED_DB)
 
 
-@pytest.mark.parametrize('seed', [890055, 890842, 891472, 900433, 900417, 901177, 901337])
+@pytest.mark.parametrize('seed', [
+    890055, 890842, 891472, 900433, 900417, 901177, 901337, 912214, 912738, 920324])
 def test_images_that_erred_more_than_predicted_no_longer_do(seed):
-    """By 3 to 19 dB: long segments and parts, steep tracks, platforms that stand still."""
+    """By 3 to 19 dB: long segments and parts, steep tracks, platforms that stand still.
+
+    The last three by lines: echoes from one place, scatterers at the ends of segments, and 77
+    cycles of the carrier from one position of the profiles to the next.
+    """
     case = random_case(seed)
     report, image = _exact(case)
     assert _error_db(case, image) <= report.predicted_error_db + ALLOWED_DB

@@ -7,6 +7,9 @@ import pytest
 
 from sar_imaging.geometry import MapGrid
 from sar_imaging.planning.exact.backprojection import GridLines
+from sar_imaging.signal import RadarParameters
+
+RADAR = RadarParameters(10e9, 300e6, 400e6, 1e-6)
 
 
 @pytest.mark.parametrize(('look', 'axis', 'sign'), [
@@ -20,7 +23,7 @@ def test_lines_run_away_from_the_track(look, axis, sign):
     track = middle + np.linspace(-15, 15, 9)[:, None] * along
     lines = GridLines(grid, track, track)
     assert (lines.n_pixels, lines.n_lines) == ((70, 40), (40, 70))[axis]
-    assert lines.paths(track, track).derivatives[0].min() > 0
+    assert lines.paths(track, track, RADAR).derivatives[0].min() > 0
     position, step, *_ = lines.locate(0)(np.arange(2), np.arange(1))
     wanted = [(sign * 0.5, 0.0, 0.0), (0.0, -sign * 0.5, 0.0)][axis]
     np.testing.assert_allclose(step.reshape(-1, 3)[0], wanted)

@@ -70,9 +70,9 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
         Profiles of the echoes.
     tx_m, rx_m : (R, 3) float64
         Their phase centres, metres.
-    layers : sequence of ((G, S, 12, LINES) float64, (5,) int64)
+    layers : sequence of ((G, S, 15, LINES) float64, (5,) int64)
         Position in the middle of each of the S segments of each line (G groups of them), then its
-        first to third derivative by the pixel number, metres; and where the lines lie in the
+        first to fourth derivative by the pixel number, metres; and where the lines lie in the
         image: their number; the first pixel's real part; the steps to the next line, to the next
         pixel of a line, and to the imaginary part. All layers are of one size.
     ramp : (n_pixels,) complex64
@@ -88,8 +88,8 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
     groups, segments = layers[0][0].shape[:2]
     tasks = min(groups * segments, _TASKS_PER_THREAD * numba.get_num_threads())
     work = LineWork(*np.empty((2, tasks * LINES * segment), np.float32),
-                    np.empty((tasks, 8, LINES)),
-                    np.empty((tasks, 14 if tiles is None else 18, LINES), np.float32),
+                    np.empty((tasks, 13, LINES)),
+                    np.empty((tasks, 11 if tiles is None else 15, LINES), np.float32),
                     np.empty((tasks, LINES), np.int64))
     index = np.arange(segment, dtype=np.float32) - segment // 2
     ramp = np.concatenate([ramp.real, ramp.imag])
@@ -167,6 +167,25 @@ def _line_paths(lines, group, number, centres, echo, paths, task, first):
         paths[task, first + 3, j] = d3
 
 
+@njit(inline='always')
+def _line_fourths(lines, group, number, centres, echo, paths, task, first, to):
+    """Fourth derivatives of the distances whose others are in `first` and the rows behind it."""
+    cx, cy, cz = centres[echo, 0], centres[echo, 1], centres[echo, 2]
+    for j in range(LINES):
+        gx, gy, gz = (lines[group, number, 6, j], lines[group, number, 7, j],
+                      lines[group, number, 8, j])
+        d2 = paths[task, first + 2, j]
+        fourth = (3.0 * (gx * gx + gy * gy + gz * gz)
+                  + 4.0 * (lines[group, number, 3, j] * lines[group, number, 9, j]
+                           + lines[group, number, 4, j] * lines[group, number, 10, j]
+                           + lines[group, number, 5, j] * lines[group, number, 11, j])
+                  + (lines[group, number, 0, j] - cx) * lines[group, number, 12, j]
+                  + (lines[group, number, 1, j] - cy) * lines[group, number, 13, j]
+                  + (lines[group, number, 2, j] - cz) * lines[group, number, 14, j])
+        paths[task, to, j] = (fourth - 4.0 * paths[task, first + 1, j] * paths[task, first + 3, j]
+                              - 3.0 * d2 * d2) / paths[task, first, j]
+
+
 @njit(parallel=True)
 def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index, work,
                    illumination):
@@ -192,7 +211,6 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
     # Unsigned indices spare the compiler the test for negative ones, which stops vectorisation.
     p, length = np.uint64(n_cells), np.uint64(segment)
     inverse_step, inverse_phases = 1.0 / step, 1.0 / n_phases
-    short_cycles = np.float32(cycles_per_step)
     n_groups, n_tasks = lines.shape[0], base.shape[0]
     n_pieces = n_groups * lines.shape[1]
     for task in numba.prange(n_tasks):
@@ -211,8 +229,11 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
             # Echoes are near each other: what their phases have in common comes last.
             _line_paths(lines, group, number, tx, middle, paths, task, 0)
             _line_paths(lines, group, number, rx, middle, paths, task, 4)
+            _line_fourths(lines, group, number, tx, middle, paths, task, 0, 11)
+            _line_fourths(lines, group, number, rx, middle, paths, task, 4, 12)
             for j in range(LINES):
-                _store_drift(paths, task, j, 4, inverse_step, n_phases, coefficients, 11)
+                k1, k2, k3 = _drift(paths, task, j, 4, inverse_step, n_phases)
+                paths[task, 8, j], paths[task, 9, j], paths[task, 10, j] = k1, k2, k3
             for echo in range(n_echoes):
                 # Channels often share their transmitter, and radars with one antenna both.
                 same = repeats[echo, 0]
@@ -235,21 +256,22 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
                     cell = np.floor((n + 0.5) * inverse_phases)
                     phase = n - cell * n_phases
                     coefficients[task, 0, j] = v - n
-                    _store_drift(paths, task, j, other, inverse_step, n_phases, coefficients, 1)
+                    k1, k2, k3 = _drift(paths, task, j, other, inverse_step, n_phases)
+                    _store_drift(coefficients, paths, task, j, half, cycles_per_step, k1, k2, k3)
                     coefficients[task, 4, j] = _fraction(
-                        cycles_per_step * (n - shared) + cycles_zero)
+                        cycles_per_step * (v - shared) + cycles_zero)
                     # A segment outside the profile reads padding only.
                     cell = min(max(cell, -1.0 * half), n_cells - 2.0 * segment + half)
                     base[task, j] = np.int64(phase * (1.0 * _PLANES) * n_cells + cell + half)
                 for j in range(LINES):
-                    _expand_phasor(coefficients, task, j, short_cycles, half)
+                    _expand_phasor(coefficients, task, j, half)
                 if illumination is not None:
                     _weigh_phasors(coefficients, task, half, amplitude, echo, group, number, node,
                                    between)
                 offset = echo * n_phases * _PLANES * n_cells
                 for j in range(count):
                     if illumination is not None:
-                        if coefficients[task, 17, j] == 0.0:
+                        if coefficients[task, 14, j] == 0.0:
                             continue
                     k0, k1 = coefficients[task, 0, j], coefficients[task, 1, j]
                     k2, k3 = coefficients[task, 2, j], coefficients[task, 3, j]
@@ -281,13 +303,13 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
                         work_im[w + i] += re * sine + im * cosine
             for j in range(count):
                 w = np.uint64((task * LINES + j) * segment)
-                k1, k2 = coefficients[task, 11, j], coefficients[task, 12, j]
-                k3 = coefficients[task, 13, j]
+                b0, b1, b2, b3 = _shared_cycles(paths, task, j, half, cycles_per_step,
+                                                inverse_step)
                 first = np.uint64(number * segment)
                 some = np.uint64(min(segment, n_pixels - number * segment))
                 for i in range(some):
                     f = index[i]
-                    c = _fraction(short_cycles * (f * (k1 + f * (k2 + f * k3))))
+                    c = _fraction(b0 + f * (b1 + f * (b2 + f * b3)))
                     sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
                     re, im = work_re[w + i], work_im[w + i]
                     re, im = re * cosine - im * sine, re * sine + im * cosine
@@ -308,28 +330,54 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
 
 
 @njit(inline='always')
-def _store_drift(paths, task, j, other, inverse_step, n_phases, coefficients, first):
+def _drift(paths, task, j, other, inverse_step, n_phases):
     """First to third order of a segment's drift over the lattice, in steps per pixel number."""
-    coefficients[task, first, j] = 0.5 * inverse_step * (
-        paths[task, 1, j] + paths[task, other + 1, j]) - n_phases
-    coefficients[task, first + 1, j] = 0.25 * inverse_step * (
-        paths[task, 2, j] + paths[task, other + 2, j])
-    coefficients[task, first + 2, j] = (1.0 / 12.0) * inverse_step * (
-        paths[task, 3, j] + paths[task, other + 3, j])
+    return (0.5 * inverse_step * (paths[task, 1, j] + paths[task, other + 1, j]) - n_phases,
+            0.25 * inverse_step * (paths[task, 2, j] + paths[task, other + 2, j]),
+            (1.0 / 12.0) * inverse_step * (paths[task, 3, j] + paths[task, other + 3, j]))
 
 
 @njit(inline='always')
-def _expand_phasor(coefficients, task, j, cycles, half):
+def _store_drift(coefficients, paths, task, j, half, cycles_per_step, k1, k2, k3):
+    """Store where a segment reads, a parabola, and its phase less what its echoes share.
+
+    The parabola has the cubic term in its slope (Chebyshev economisation): a quarter of it is
+    left, evenly over the segment. A position may have thousands of cycles: only what is left
+    of a phase in the end is small enough for float32.
+    """
+    radians = 2.0 * np.pi * cycles_per_step
+    coefficients[task, 1, j] = k1 + 0.75 * half * half * k3
+    coefficients[task, 2, j] = k2
+    coefficients[task, 5, j] = radians * (k1 - paths[task, 8, j])
+    coefficients[task, 6, j] = radians * (k2 - paths[task, 9, j])
+    coefficients[task, 7, j] = radians * (k3 - paths[task, 10, j])
+
+
+@njit(inline='always')
+def _shared_cycles(paths, task, j, half, cycles_per_step, inverse_step):
+    """Cubic, in cycles, of the phase that the echoes of a segment share, float32.
+
+    The quartic term is folded into the constant and the quadratic one, an eighth of it is left.
+    Powers of pixel numbers are whole, and so whole cycles can be left out of each coefficient.
+    """
+    square = 1.0 * half * half
+    quartic = cycles_per_step * inverse_step * (1.0 / 48.0) * (
+        paths[task, 11, j] + paths[task, 12, j])
+    return (np.float32(_fraction(-0.125 * square * square * quartic)),
+            np.float32(_fraction(cycles_per_step * paths[task, 8, j])),
+            np.float32(_fraction(cycles_per_step * paths[task, 9, j] + square * quartic)),
+            np.float32(_fraction(cycles_per_step * paths[task, 10, j])))
+
+
+@njit(inline='always')
+def _expand_phasor(coefficients, task, j, half):
     """Expand the phasor of a segment, less what its echoes share, as a cubic in the pixel number.
 
-    The quartic term is folded into the constant and the quadratic one (Chebyshev economisation),
-    which leaves an eighth of it.
+    The quartic term is folded into the constant and the quadratic one, which leaves an eighth of
+    it.
     """
-    radians = np.float32(2 * np.pi) * cycles
-    a = radians * (coefficients[task, 1, j] - coefficients[task, 11, j])
-    b = radians * (coefficients[task, 2, j] - coefficients[task, 12, j])
-    c = radians * (coefficients[task, 3, j] - coefficients[task, 13, j])
-    g = _fraction(coefficients[task, 4, j] + cycles * coefficients[task, 0, j])
+    g = coefficients[task, 4, j]
+    a, b, c = coefficients[task, 5, j], coefficients[task, 6, j], coefficients[task, 7, j]
     sine, cosine = _sin_cycles(g, g * g), _cos_cycles(g * g)
     aa = a * a
     square = np.float32(half * half)
@@ -363,14 +411,14 @@ def _weigh_phasors(coefficients, task, half, amplitude, echo, group, number, nod
         a += t * (amplitude[echo, group, k, n + 1] - a)
         b += t * (amplitude[echo, group, k + 1, n + 1] - b)
         c += t * (amplitude[echo, group, k + 2, n + 1] - c)
-        coefficients[task, 14, j] = b
-        coefficients[task, 15, j] = _R2 * (c - a) / np.float32(half)
-        coefficients[task, 16, j] = (_R2 * (c + a) - b) / square
-        coefficients[task, 17, j] = a + b + c
+        coefficients[task, 11, j] = b
+        coefficients[task, 12, j] = _R2 * (c - a) / np.float32(half)
+        coefficients[task, 13, j] = (_R2 * (c + a) - b) / square
+        coefficients[task, 14, j] = a + b + c
     for part in range(2):
         for j in range(LINES):
-            w0, w1, w2 = (coefficients[task, 14, j], coefficients[task, 15, j],
-                          coefficients[task, 16, j])
+            w0, w1, w2 = (coefficients[task, 11, j], coefficients[task, 12, j],
+                          coefficients[task, 13, j])
             c0, c1 = coefficients[task, 3 + part, j], coefficients[task, 5 + part, j]
             c2, c3 = coefficients[task, 7 + part, j], coefficients[task, 9 + part, j]
             c4 = c3 * w1 + c2 * w2
@@ -386,7 +434,7 @@ def line_middles(locate, n_lines: int, n_pixels: int, segment: int) -> np.ndarra
     Parameters
     ----------
     locate : callable
-        ``locate(pixel, line)`` gives position and its first to third derivative by the pixel
+        ``locate(pixel, line)`` gives position and its first to fourth derivative by the pixel
         number, each (..., 3) float64, metres, for broadcast numbers.
     n_lines, n_pixels : int
         Size of the image.
@@ -395,16 +443,16 @@ def line_middles(locate, n_lines: int, n_pixels: int, segment: int) -> np.ndarra
 
     Returns
     -------
-    (G, S, 12, LINES) float64
+    (G, S, 15, LINES) float64
     """
     line = np.minimum(np.arange(-(-n_lines // LINES) * LINES), n_lines - 1)
     middles = segment_middles(locate, line, n_pixels, segment)
-    middles = middles.reshape(len(middles), -1, LINES, 12)
+    middles = middles.reshape(len(middles), -1, LINES, 15)
     return np.ascontiguousarray(middles.transpose(1, 0, 3, 2))
 
 
 def segment_middles(locate, line, n_pixels: int, segment: int) -> np.ndarray:
-    """(S, n, 12) float64 positions and derivatives in the middle of the segments of n lines."""
+    """(S, n, 15) float64 positions and derivatives in the middle of the segments of n lines."""
     middle = np.arange(-(-n_pixels // segment)) * segment + segment // 2
     return np.concatenate(locate(middle[:, None], line), axis=-1)
 

@@ -32,15 +32,17 @@ from .transfers import in_pieces
 THREADS, LINES, PIXELS = 128, 8, 2
 ECHOES = 32  # most echoes that share the reference for the phase: `ECHOES_PER_PASS` of plans
 _ITEMS = 512  # echoes times lines of a block whose geometry lies in shared memory
+_LINES_TOGETHER = LINES * THREADS * PIXELS // 8  # of a block, for the shortest segments
 FOLD = 5  # cells of a block, 32, whose coefficients of one power stand together
 _BLOCK, _BLOCK_PAIRS = 1 << FOLD, np.uint64(5 << FOLD)  # cells, and coefficients: of degree 4
 _FOLD, _IN_BLOCK = np.uint32(FOLD), np.uint32(_BLOCK - 1)
 _REGISTERS = 168  # that three blocks may run at once, and nearly nothing is spilled
 _DARK = np.int32(-1)  # in place of the first cell of a line that an echo does not illuminate
 _SUMS, _CELLS = LINES * PIXELS, 5 * PIXELS  # registers of a thread
-_PLACE, _PHASOR, _DRIFT = 3, 8, 3  # numbers of an item, and of a line of the shared reference
+_PLACE, _PHASOR = 3, 8  # numbers of an item
+_DRIFT, _CYCLES = 3, 4  # numbers of a line of the shared reference
 _R2, _R6, _R8, _R24 = (np.float32(1 / v) for v in (2, 6, 8, 24))
-_ONE, _TWO_PI = np.float32(1.0), np.float32(2 * np.pi)
+_ONE = np.float32(1.0)
 
 
 def block_lines(segment: int) -> int:
@@ -68,6 +70,19 @@ def distances(lines, number, line, x, y, z):
 
 
 @function
+def fourth_derivative(lines, number, line, x, y, z):
+    """Fourth derivative of what `distances` gives."""
+    d, d1, d2, d3 = distances(lines, number, line, x, y, z)
+    centre, fourth = (x, y, z), -4.0 * d1 * d3 - 3.0 * d2 * d2
+    for axis in range(3):
+        second = lines[number, 6 + axis, line]
+        fourth += (3.0 * second * second
+                   + 4.0 * lines[number, 3 + axis, line] * lines[number, 9 + axis, line]
+                   + (lines[number, axis, line] - centre[axis]) * lines[number, 12 + axis, line])
+    return fourth / d
+
+
+@function
 def half_path(lines, number, line, centres, echo):
     """Half path to a segment's middle and its derivatives; `centres` are tx and rx, (R, 6)."""
     a, a1, a2, a3 = distances(lines, number, line, centres[echo, 0], centres[echo, 1],
@@ -84,10 +99,11 @@ def half_path(lines, number, line, centres, echo):
 def expand_phasor(cycles, a, b, c, half, out, item):
     """Expand ``exp(j (2 pi cycles + a f + b f^2 + c f^3))`` as a cubic in the pixel number f.
 
-    The quartic term is folded into the constant and the quadratic one (Chebyshev economisation),
-    which leaves an eighth of it. The coefficients go to `out`, real and imaginary ones in turn.
+    `cycles` is a fraction. The quartic term is folded into the constant and the quadratic one
+    (Chebyshev economisation), which leaves an eighth of it. The coefficients go to `out`, real and
+    imaginary ones in turn.
     """
-    cosine, sine = phasor(short_fraction(cycles))
+    cosine, sine = phasor(cycles)
     aa, square = a * a, half * half
     r4, i4 = aa * aa * _R24 - _R2 * b * b - a * c, -_R2 * aa * b
     r3, i3 = -a * b, c - aa * a * _R6
@@ -133,8 +149,8 @@ def add_lines(planes, profile, segment, centres, lines, ramp, image, layout):
         Pixels of a segment.
     centres : (R, 6) float64
         Transmitter and receiver of each echo, metres.
-    lines : (S, 12, n_lines) float64
-        Position in the middle of each segment, and its first to third derivative by the pixel.
+    lines : (S, 15, n_lines) float64
+        Position in the middle of each segment, and its first to fourth derivative by the pixel.
     ramp : (n_pixels,) complex64
         Factor of each pixel of a line.
     image : (K,) float32
@@ -207,13 +223,38 @@ def _amplitude_at(amplitude, place, between, node, echo):
 
 
 @function
+def _share_phase(lines, number, line, centres, echo, inverse_step, n_phases, cycles_per_step,
+                 square, drift, phase, item):
+    """What the phases of echoes near `echo` have in common, along the middle of a segment.
+
+    `drift`, steps by the pixel number, is taken off those of each echo as float32 has it; `phase`
+    is the same in cycles, with the quartic term economised. Powers of pixel numbers are whole, and
+    so whole cycles can be left out of each coefficient.
+    """
+    _, d1, d2, d3 = half_path(lines, number, line, centres, echo)
+    drift[0, item] = d1 * inverse_step - n_phases
+    drift[1, item] = 0.5 * inverse_step * d2
+    drift[2, item] = (1.0 / 6.0) * inverse_step * d3
+    fourth = (fourth_derivative(lines, number, line, centres[echo, 0], centres[echo, 1],
+                                centres[echo, 2])
+              + fourth_derivative(lines, number, line, centres[echo, 3], centres[echo, 4],
+                                  centres[echo, 5]))
+    quartic = cycles_per_step * inverse_step * (1.0 / 48.0) * fourth
+    phase[0, item] = fraction(-0.125 * square * square * quartic)
+    phase[1, item] = fraction(cycles_per_step * drift[0, item])
+    phase[2, item] = fraction(cycles_per_step * drift[1, item] + square * quartic)
+    phase[3, item] = fraction(cycles_per_step * drift[2, item])
+
+
+@function
 def _add(planes, profile, segment, centres, lines, ramp, image, layout, illumination):
     """What both kernels do; `illumination` is None where echoes illuminate all pixels alike."""
     n_phases, n_cells, range_zero, step, cycles_per_step, cycles_zero = profile
     place = cuda.shared.array((_PLACE, _ITEMS), np.float32)
     phasors = cuda.shared.array((_PHASOR, _ITEMS), np.float32)
     base = cuda.shared.array(_ITEMS, np.int32)
-    shared_drift = cuda.shared.array((_DRIFT, _ITEMS), np.float32)
+    shared_drift = cuda.shared.array((_DRIFT, _LINES_TOGETHER), np.float32)
+    shared_phase = cuda.shared.array((_CYCLES, _LINES_TOGETHER), np.float32)
     real = cuda.local.array(_SUMS, np.float32)
     imag = cuda.local.array(_SUMS, np.float32)
     cell_re = cuda.local.array(_CELLS, np.float32)
@@ -226,8 +267,8 @@ def _add(planes, profile, segment, centres, lines, ramp, image, layout, illumina
     top = cuda.blockIdx.y * n_together
     n_lines, n_all, half = layout[0], centres.shape[0], segment // 2
     n_some = min(n_lines - top, n_together)
-    inverse_step, short_cycles = 1.0 / step, np.float32(cycles_per_step)
-    radians, short_half = _TWO_PI * short_cycles, np.float32(half)
+    inverse_step, square, short_half = 1.0 / step, 1.0 * half * half, np.float32(half)
+    radians = 2.0 * np.pi * cycles_per_step
     shared_cycles = (segment_number * segment + half) * float(n_phases)
     most = max(_ITEMS // n_together, 1)
     n_needed = -(-n_some // LINES) * LINES  # the last thread's lines may end beyond the image
@@ -247,11 +288,9 @@ def _add(planes, profile, segment, centres, lines, ramp, image, layout, illumina
         # Echoes are near each other: what their phases have in common comes last.
         cuda.syncthreads()
         for item in range(thread, n_needed, THREADS):
-            _, d1, d2, d3 = half_path(lines, segment_number, min(top + item, n_lines - 1), centres,
-                                      start + (stop - start) // 2)
-            shared_drift[0, item] = d1 * inverse_step - n_phases
-            shared_drift[1, item] = 0.5 * inverse_step * d2
-            shared_drift[2, item] = (1.0 / 6.0) * inverse_step * d3
+            _share_phase(lines, segment_number, min(top + item, n_lines - 1), centres,
+                         start + (stop - start) // 2, inverse_step, n_phases, cycles_per_step,
+                         square, shared_drift, shared_phase, item)
         for k in range(_SUMS):
             real[k] = 0.0
             imag[k] = 0.0
@@ -269,15 +308,17 @@ def _add(planes, profile, segment, centres, lines, ramp, image, layout, illumina
                     n = math.floor(v)
                     cell = math.floor((n + 0.5) / n_phases)
                     phase = n - cell * n_phases
-                    t, k1 = np.float32(v - n), np.float32(d1 * inverse_step - n_phases)
-                    k2 = np.float32(0.5 * inverse_step * d2)
-                    k3 = np.float32((1.0 / 6.0) * inverse_step * d3)
-                    place[0, item], place[1, item], place[2, item] = t, k1, k2
-                    cycles = np.float32(fraction(cycles_per_step * (n - shared_cycles)
-                                                 + cycles_zero))
-                    expand_phasor(cycles + short_cycles * t, radians * (k1 - shared_drift[0, j]),
-                                  radians * (k2 - shared_drift[1, j]),
-                                  radians * (k3 - shared_drift[2, j]), short_half, phasors, item)
+                    k1, k2 = d1 * inverse_step - n_phases, 0.5 * inverse_step * d2
+                    k3 = (1.0 / 6.0) * inverse_step * d3
+                    # an economised cubic
+                    place[0, item], place[1, item] = v - n, k1 + 0.75 * square * k3
+                    place[2, item] = k2
+                    cycles = fraction(cycles_per_step * (v - shared_cycles) + cycles_zero)
+                    expand_phasor(np.float32(cycles),
+                                  np.float32(radians * (k1 - shared_drift[0, j])),
+                                  np.float32(radians * (k2 - shared_drift[1, j])),
+                                  np.float32(radians * (k3 - shared_drift[2, j])), short_half,
+                                  phasors, item)
                     # a segment outside the profile reads padding only
                     cell = min(max(cell, -1.0 * half), n_cells - 2.0 * segment + half)
                     base[item] = np.int32((echo * n_phases + phase) * n_cells + cell + half)
@@ -332,9 +373,9 @@ def _add(planes, profile, segment, centres, lines, ramp, image, layout, illumina
                 i = segment_number * segment + lane + p * lanes
                 if line < n_some and i < ramp.size:
                     f = np.float32(lane + p * lanes - half)
-                    cosine, sine = phasor(short_fraction(short_cycles * (f * (
-                        shared_drift[0, line] + f * (shared_drift[1, line]
-                                                     + f * shared_drift[2, line])))))
+                    cosine, sine = phasor(short_fraction(shared_phase[0, line] + f * (
+                        shared_phase[1, line] + f * (shared_phase[2, line]
+                                                     + f * shared_phase[3, line]))))
                     re, im = real[PIXELS * j + p], imag[PIXELS * j + p]
                     re, im = re * cosine - im * sine, re * sine + im * cosine
                     cosine, sine = ramp[i].real, ramp[i].imag
@@ -351,7 +392,7 @@ class Lines:
     profiles : Profiles
         That they read, with segments, in blocks of `FOLD`.
     layers : sequence of (callable, (5,) int64)
-        What tells positions, ``locate(pixel, line)``: position and first to third derivative by
+        What tells positions, ``locate(pixel, line)``: position and first to fourth derivative by
         the pixel number, each (..., 3) float64, metres, for broadcast numbers. Where the lines
         lie in the image: their number, the first pixel's real part, the steps to the next line,
         to the next pixel, and to the imaginary part.
@@ -441,7 +482,7 @@ class _Nodes:
 
 
 def segment_middles(locate: Callable, rows: slice, n_pixels: int, segment: int) -> np.ndarray:
-    """(S, 12, n_lines) float64 positions and derivatives in the middle of the segments of lines.
+    """(S, 15, n_lines) float64 positions and derivatives in the middle of the segments of lines.
 
     `locate` and `rows` are as of `Lines`.
     """

@@ -22,6 +22,7 @@ from ...geometry.illumination import Illumination
 from ...signal.radar import RadarParameters
 from ..ambiguities import azimuth_warnings
 from ..costs import costs
+from ..echo_power import echo_powers
 from ..plan import Plan, total_db
 from ..profiles import (
     RangeGate,
@@ -95,7 +96,7 @@ class GridLines:
         forward, ends = bool(slopes[axis].mean() >= 0), (slopes[axis].min(), slopes[axis].max())
         self.slopes = tuple(map(float, ends if forward else (-ends[1], -ends[0])))
         self.n_pixels = shape[axis]
-        self._points = points
+        self._points, self._sides = points, (steps * np.array(shape)[:, None])[-2:]
         may = illumination and illumination.may_light(points, (n,) * n_axes)
         if may is not None:  # of cells, of which parts may be lit, all corners
             length, slopes = length[may], {a: s[may] for a, s in by_axis.items()}
@@ -118,10 +119,13 @@ class GridLines:
         self.layouts = np.array([[self.n_lines, first + i * floats[layer], floats[line], pixel, 1]
                                  for i in range(n_layers)])
 
-    def paths(self, tx_m, rx_m, illumination: Illumination | None = None) -> Paths:
+    def paths(self, tx_m, rx_m, radar: RadarParameters,
+              illumination: Illumination | None = None) -> Paths:
         """Half paths to some of the pixels, with derivatives by the pixel number."""
         points = self._points
-        found = sample_paths(tx_m, rx_m, (points, np.broadcast_to(self._along, points.shape)))
+        found = dataclasses.replace(
+            sample_paths(tx_m, rx_m, (points, np.broadcast_to(self._along, points.shape))),
+            weight=echo_powers(tx_m, rx_m, points.mean(axis=0), self._sides, radar))
         return found if illumination is None else illumination.of_paths(found, points)
 
     def locate(self, layer: int):
@@ -134,7 +138,7 @@ class GridLines:
                         + np.multiply.outer(line, self._across)
                         + np.multiply.outer(layer + number, self._layer))
             straight = np.zeros_like(position)
-            return position, np.broadcast_to(self._along, position.shape), straight, straight
+            return position, np.broadcast_to(self._along, position.shape), *[straight] * 3
         return positions
 
 
@@ -316,7 +320,7 @@ def _plan_lines(lines, radar, n_samples, tx_m, rx_m, n_axes, target_db, illumina
                 ) -> LinePlan | None:
     """Plan along lines; None where range does not follow them, or points are as quick."""
     window = RangeGate.around(radar, n_samples, lines.range_m)
-    paths = lines.paths(tx_m, rx_m, illumination)
+    paths = lines.paths(tx_m, rx_m, radar, illumination)
     lattice = plan_resampling(paths, 1.0, lines.n_pixels, radar, window.n_samples, target_db)
     lit, more = None, {}
     if lattice is not None and illumination is not None:

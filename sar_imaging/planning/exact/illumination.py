@@ -143,11 +143,13 @@ class SegmentPhasors:
         self.drift = np.abs(path[1] - lattice.cell_m) * (half / lattice.step_m)
         a, b, c = (k * (path[n] - shared[n]) / math.factorial(n) for n in (1, 2, 3))
         self._cubic = _economised(a, b, c, half)
+        # what echoes share has its quartic term economised
         self._exact = np.exp(1j * k * (away - f * (
-            shared[1] + f * (shared[2] / 2 + f * shared[3] / 6))))
-        # The envelope is read where a parabola leads.
+            shared[1] + f * (shared[2] / 2 + f * shared[3] / 6))
+            - shared[4] / 24 * half ** 2 * (f ** 2 - half ** 2 / 8)))
+        # The envelope is read where a parabola leads, whose slope has a part of the cubic term.
         beside = radar.half_band_rad_per_m / math.sqrt(3) * (
-            away - f * (path[1] + f * path[2] / 2))
+            away - f * (path[1] + path[3] * half ** 2 / 8 + f * path[2] / 2))
         self._beside = (pairs.amplitude * beside) ** 2
         self._true = pairs.amplitude * self._exact
         self.squares = self._beside + pairs.amplitude ** 2 * np.abs(

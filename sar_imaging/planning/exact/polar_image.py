@@ -276,7 +276,8 @@ def _lattice_of_parts(parts: AzimuthParts, cover: PolarCover, tx_m, rx_m, target
     """
     coarse, window = parts.coarse, cover.window
     paths = dataclasses.replace(_sampled_paths(coarse, tx_m, rx_m, illumination),
-                                parts=tuple(echoes.start for echoes in parts.echoes))
+                                parts=tuple(echoes.start for echoes in parts.echoes),
+                                weight=cover.weight)
     error_db = resampling_error_db(cover.lattice, paths, window.radar)
     if error_db <= target_db:
         return dataclasses.replace(cover.lattice, predicted_error_db=error_db)
