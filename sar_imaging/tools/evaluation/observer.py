@@ -31,7 +31,7 @@ _ALL_REJECTED = 4  # blocks or poses from which on it is no accident
 INPUTS = ('pulses', 'pulse_blocks', 'range_profiles', 'subaperture_images')  # of AFBP_NODES
 _LOG_DEPTH = 1000  # lines: that of the publishers
 MOST_TOLD = 20
-_PROGRESS = 'autofocus of aperture'  # lines that tell how far a long search is
+_PROGRESS = 'autofocus of aperture', 'compiling kernels'  # lines that tell why it takes long
 
 
 class ObserverError(RuntimeError):
