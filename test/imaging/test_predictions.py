@@ -116,8 +116,9 @@ def test_predictions_of_the_exact_imager_are_tight():
         case = random_case(1, track)
         report, image = _exact(case)
         above.append(_error_db(case, image, n_pixels=1000) - report.predicted_error_db)
-    # Measured: -4.1 to -0.1, median -2.8 (100 pixels tell each within 2 dB alone).
-    assert -6.0 <= min(above) and -3.0 <= np.median(above) <= -1.0
+    # Measured: -5.0 to -0.1, median -3.5 (100 pixels tell each within 2 dB alone). Before phases
+    # were kept in float64 until their fraction of a cycle, images erred by 0.7 dB more.
+    assert -6.0 <= min(above) and -4.0 <= np.median(above) <= -1.0
 
 
 @pytest.mark.parametrize(('seed', 'route'), [
