@@ -33,8 +33,8 @@ _FEWEST_PARTS = 32
 _MOST_ROWS = 1024
 _STEPS = 4096  # of a cycle; good to -60 dB
 _POINTS = 64  # computed side by side
-_TURNS = tuple(f(2 * np.pi * np.arange(_STEPS) / _STEPS).astype(np.float32)
-               for f in (np.cos, np.sin))
+_CYCLE = np.stack([f(2 * np.pi * np.arange(_STEPS) / _STEPS) for f in (np.cos, np.sin)]
+                  ).astype(np.float32)
 _TILE = 4  # pixels along each side: power of few pulses is wide across range, and narrow along it
 _FEWEST_POINTS = 256
 _MOST_PIXELS = 1500  # along a side of a finer grid
@@ -302,8 +302,8 @@ class _Rows:
         radar = self.radar
         _sum_groups(np.ascontiguousarray(np.transpose(points)), self.tx_m, self.rx_m,
                     np.array_equal(self.tx_m, self.rx_m), self.group, self.samples,
-                    radar.range_start_m, 1 / radar.sample_spacing_m, 2 / radar.wavelength_m,
-                    *_TURNS, sums, covered)
+                    (radar.range_start_m, 1 / radar.sample_spacing_m, 2 / radar.wavelength_m),
+                    _CYCLE, sums, covered)
         return sums[0] + 1j * sums[1], sums[2], covered / max(len(self.tx_m), 1)
 
 
@@ -374,8 +374,7 @@ def resolved(grid: MapGrid, block: PulseBlock) -> MapGrid:
 
 
 @njit(parallel=True)
-def _sum_groups(points, tx, rx, monostatic, group, profiles, start_m, per_sample, per_metre,
-                cosine, sine, sums, covered):
+def _sum_groups(points, tx, rx, monostatic, group, profiles, sampling, cycle, sums, covered):
     """Backproject onto points; linear interpolation between samples.
 
     Parameters
@@ -390,11 +389,10 @@ def _sum_groups(points, tx, rx, monostatic, group, profiles, start_m, per_sample
         Group of each row, ascending.
     profiles : (R, N) complex64
         Oversampled at least four times.
-    start_m, per_sample : float
-        Half path of the first sample, metres, and samples per metre.
-    per_metre : float
-        Cycles of the carrier per metre of half path, 2 / lambda.
-    cosine, sine : (T,) float32
+    sampling : (float, float, float)
+        Half path of the first sample, metres; samples, and cycles of the carrier, per metre of
+        half path.
+    cycle : (2, T) float32
         Cosine and sine of a cycle in T steps.
     sums : (5, K) float32
         Receive the sum over all rows, real and imaginary part, the sum of the squared magnitudes
@@ -406,20 +404,21 @@ def _sum_groups(points, tx, rx, monostatic, group, profiles, start_m, per_sample
     for block in numba.prange((n + _POINTS - 1) // _POINTS):
         first = np.uint64(block * _POINTS)
         count = np.uint64(min(_POINTS, n - block * _POINTS))
-        _add_rows(first, count, points[0], points[1], points[2], tx, rx, monostatic, group,
-                  profiles.reshape(-1), profiles.shape[1], start_m, per_sample, per_metre, cosine,
-                  sine, np.empty(_POINTS), sums[0], sums[1], sums[2], sums[3], sums[4], covered)
+        _add_rows(first, count, points, tx, rx, monostatic, group, profiles.reshape(-1),
+                  sampling, cycle, np.empty(_POINTS), sums[:3], sums[3], sums[4], covered)
 
 
 @njit(distinct=True, error_model='numpy')
-def _add_rows(first, count, x, y, z, tx, rx, monostatic, group, profiles, n_samples, start_m,
-              per_sample, per_metre, cosine, sine, half_path, total_re, total_im, power, re, im,
-              covered):
+def _add_rows(first, count, points, tx, rx, monostatic, group, profiles, sampling, cycle,
+              half_path, sums, re, im, covered):
     """Add all rows to some points, which are computed side by side."""
+    start_m, per_sample, per_metre = sampling
+    x, y, z, cosine, sine = points[0], points[1], points[2], cycle[0], cycle[1]
+    n_samples = len(profiles) // len(group)
     n_steps, last, one = len(cosine), n_samples - 1.0, np.uint64(1)
     for row in range(len(group)):
         if row and group[row] != group[row - 1]:
-            _end_group(first, count, total_re, total_im, power, re, im)
+            _end_group(first, count, sums, re, im)
         for j in range(count):
             k = first + j
             half_path[j] = np.sqrt((x[k] - tx[row, 0]) ** 2 + (y[k] - tx[row, 1]) ** 2
@@ -448,16 +447,16 @@ def _add_rows(first, count, x, y, z, tx, rx, monostatic, group, profiles, n_samp
             re[k] += v_re * c - v_im * s
             im[k] += v_re * s + v_im * c
             covered[k] += np.int32(inside)
-    _end_group(first, count, total_re, total_im, power, re, im)
+    _end_group(first, count, sums, re, im)
 
 
 @njit(inline='always')
-def _end_group(first, count, total_re, total_im, power, re, im):
+def _end_group(first, count, sums, re, im):
     for j in range(count):
         k = first + j
-        total_re[k] += re[k]
-        total_im[k] += im[k]
-        power[k] += re[k] * re[k] + im[k] * im[k]
+        sums[0, k] += re[k]
+        sums[1, k] += im[k]
+        sums[2, k] += re[k] * re[k] + im[k] * im[k]
         re[k] = im[k] = np.float32(0.0)
 
 

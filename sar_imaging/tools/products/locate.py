@@ -39,7 +39,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument('map', type=Path, help='folder that sar-imaging map wrote')
     p.add_argument('--search', type=float, default=30.0, metavar='M',
                    help='farthest translation, metres (default: %(default)g)')
-    p.add_argument('--turn', type=float, default=5.0, metavar='DEG',
+    p.add_argument('--rotation', type=float, default=5.0, metavar='DEG',
                    help='greatest rotation, degrees (default: %(default)g)')
     p.add_argument('--heights', type=float, default=2.0, metavar='M',
                    help='root mean square of heights over the ground (default: %(default)g)')
@@ -60,9 +60,9 @@ def run(arguments: argparse.Namespace) -> str:
     choice = forming.choose(source, arguments)
     image, _ = forming.form(source, choice, arguments.target_db, memory_bytes(arguments))
     look = LookDirection.between(choice.grid.centre_m, source.track_m.mean(axis=0))
-    found = register(image, reference.image, search_m=arguments.search, search_deg=arguments.turn,
-                     look=look, reference_look=_farthest(reference, look),
-                     height_std_m=arguments.heights)
+    found = register(image, reference.image, search_m=arguments.search,
+                     search_deg=arguments.rotation, look=look,
+                     reference_look=_farthest(reference, look), height_std_m=arguments.heights)
     with filling(arguments.output) as folder:
         write_json(folder / 'location.json', describe(found))
     return f'{found}\nwritten to {arguments.output}: location.json'
