@@ -45,6 +45,7 @@ MODULES = {
         'sample_findings', 'slope_findings', 'timing_findings'),
     'sar_imaging.exploitation.registration': (
         'Candidate', 'LookDirection', 'Registration', 'measured_resolution_m', 'register'),
+    'sar_imaging.formats.pose_graph': ('PoseEdge', 'read_g2o', 'write_g2o'),
     'sar_imaging.formats.reference_map': (
         'Pass', 'ReferenceMap', 'read_reference_map', 'write_reference_map'),
     'sar_imaging.geometry.alignment': ('Alignment',),

@@ -7,6 +7,7 @@
 - `quicklook`: PNG with a world file, and an overlay for globes;
 - `stac`: items of catalogues;
 - `reference_map`: maps of places that images are looked for in;
+- `pose_graph`: loop closures as g2o files;
 - `points`: detections as GeoJSON and CSV, and point clouds as PLY;
 - `report`: pictures, tables and warnings in one HTML file;
 - `acquisition`: radar and track of an image, without its samples.
