@@ -43,6 +43,8 @@ MODULES = {
     'sar_imaging.diagnosis.signals': (
         'CERTAIN', 'LIKELY', 'ONE_OF_SEVERAL', 'Finding', 'channel_findings', 'coupling_findings',
         'sample_findings', 'slope_findings', 'timing_findings'),
+    'sar_imaging.exploitation.localization': (
+        'Estimate', 'Guess', 'Localizer', 'OdometryTrack', 'Refusal'),
     'sar_imaging.exploitation.registration': (
         'Candidate', 'LookDirection', 'Registration', 'measured_resolution_m', 'register'),
     'sar_imaging.formats.pose_graph': ('PoseEdge', 'read_g2o', 'write_g2o'),

@@ -12,11 +12,10 @@ import math
 import sys
 from pathlib import Path
 
-import numpy as np
-
+from ...exploitation.localization import farthest
 from ...exploitation.registration import LookDirection, Registration, register
 from ...files import filling, write_json
-from ...formats.reference_map import ReferenceMap, read_reference_map
+from ...formats.reference_map import read_reference_map
 from ...recordings.pulse_source import SourceError, open_pulses
 from ..arguments import add_pulses, datum_of, memory_bytes
 from ..program import command_parser, main_of
@@ -62,16 +61,11 @@ def run(arguments: argparse.Namespace) -> str:
     look = LookDirection.between(choice.grid.centre_m, source.track_m.mean(axis=0))
     found = register(image, reference.image, search_m=arguments.search,
                      search_deg=arguments.rotation, look=look,
-                     reference_look=_farthest(reference, look), height_std_m=arguments.heights)
+                     reference_look=farthest((one.look for one in reference.passes), look),
+                     height_std_m=arguments.heights)
     with filling(arguments.output) as folder:
         write_json(folder / 'location.json', describe(found))
     return f'{found}\nwritten to {arguments.output}: location.json'
-
-
-def _farthest(reference: ReferenceMap, look: LookDirection) -> LookDirection:
-    """Of the directions of a map's passes, the one that displaces heights most otherwise."""
-    return max((one.look for one in reference.passes),
-               key=lambda other: float(np.linalg.norm(other.layover - look.layover)))
 
 
 def describe(found: Registration) -> dict:
