@@ -39,7 +39,7 @@ from .runtime.inlet import SubapertureImages
 from .runtime.managed import ManagedNode, run
 from .runtime.parameters import ANY_TIME, BACKEND, Parameter, backend_of
 from .runtime.stage import Stage
-from .runtime.step import MIN_PULSE_FRACTION, LiveStep
+from .runtime.step import MIN_PULSE_FRACTION, LiveStep, subaperture_qos
 
 PARAMETERS = (
     Parameter('images_every', 0, 'Sub-apertures from one image of an aperture underway to the '
@@ -230,6 +230,7 @@ class FusionNode(Stage):
 
     NAME = 'afbp_fusion'
     INPUT = 'subaperture_images'
+    INPUT_QOS = staticmethod(subaperture_qos)
     STEPS = (FusionStep,)
 
 

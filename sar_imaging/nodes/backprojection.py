@@ -65,7 +65,7 @@ from .runtime.parameters import (
     refused,
 )
 from .runtime.stage import Stage
-from .runtime.step import APERTURE_TIMEOUT, MIN_PULSE_FRACTION, LiveStep
+from .runtime.step import APERTURE_TIMEOUT, MIN_PULSE_FRACTION, LiveStep, subaperture_qos
 
 IMAGE, SUBAPERTURES, VOLUME = 'image', 'subapertures', 'volume'
 PARAMETERS = (
@@ -367,7 +367,7 @@ class SubapertureStep(BackprojectionStep):
     def create_outputs(self, node: ManagedNode) -> None:
         """Create the publisher of the sub-aperture images; see `Step`."""
         self._output = BlockOutput(node, 'subaperture_images', self.parameters, self.health,
-                                   to_message)
+                                   to_message, subaperture_qos)
 
     def summary(self) -> str:
         """Settings for the log line at the start."""

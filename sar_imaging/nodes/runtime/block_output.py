@@ -42,13 +42,16 @@ class BlockOutput:
         subscribe.
     to_message : callable
         Makes a message of a product that has `n_pulses`.
+    qos : callable
+        Quality of service, from the parameters.
     """
 
     def __init__(self, node: ManagedNode, topic: str, parameters: Mapping[str, object],
                  health: Tally,
-                 to_message: Callable[..., Float32MultiArray] = pulse_block.to_message):
+                 to_message: Callable[..., Float32MultiArray] = pulse_block.to_message,
+                 qos: Callable[[Mapping[str, object]], QoSProfile] = stream_qos):
         self._health, self._to_message = health, to_message
-        self._publisher = node.create_output(Float32MultiArray, topic, stream_qos(parameters))
+        self._publisher = node.create_output(Float32MultiArray, topic, qos(parameters))
 
     @property
     def topic(self) -> str:

@@ -168,12 +168,15 @@ class Stage(ManagedNode):
         Name of the node.
     INPUT : str
         Relative topic of the input.
+    INPUT_QOS : callable
+        Quality of service of the input, from the parameters.
     STEPS : tuple of type
         Classes of the steps; their parameters are the node's. With several of them each has a
         part of its own in the diagnostics.
     """
 
     INPUT: str
+    INPUT_QOS = staticmethod(stream_qos)
     STEPS: tuple[type[Step], ...]
 
     def __init__(self):
@@ -234,7 +237,7 @@ class Stage(ManagedNode):
         self._worker.start()
         self.activity.callback(self._end_work)
         subscription = self.create_input(
-            Float32MultiArray, self.INPUT, self._receive, stream_qos(p),
+            Float32MultiArray, self.INPUT, self._receive, self.INPUT_QOS(p),
             message_lost=self._message_lost,
             matched=functools.partial(self.report_match, 'publisher', self.INPUT))
         self._watch = InputWatch(

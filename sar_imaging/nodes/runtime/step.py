@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from .managed import ManagedNode
     from .stage import Stage
 
+_MOST_WAIT = 10_000  # messages
+
 
 class Step:
     """One stage of the processing: takes items in order, returns what became complete.
@@ -363,3 +365,12 @@ class Chain:
 def stream_qos(parameters: Mapping[str, object]) -> QoSProfile:
     """Reliable, keeping the last `queue_depth` messages."""
     return QoSProfile(depth=parameters['queue_depth'], reliability=ReliabilityPolicy.RELIABLE)
+
+
+def subaperture_qos(parameters: Mapping[str, object]) -> QoSProfile:
+    """Reliable, keeping the sub-apertures of an aperture, which come in one burst when planned.
+
+    An aperture has no more of them than pulses. The depth takes no memory until messages wait.
+    """
+    depth = max(parameters['queue_depth'], min(parameters['pulses_per_aperture'], _MOST_WAIT))
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE)
