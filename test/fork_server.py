@@ -37,7 +37,9 @@ LOADED_LATER = (
     'rosbags.highlevel', 'rosbags.typesys.stores.ros2_jazzy',
     'rosidl_generator_py.import_type_support_impl', 'sar_imaging.backends.cpu.backprojection',
     'sar_imaging.backends.cpu.beams', 'sar_imaging.backends.cpu.beforehand',
-    'sar_imaging.backends.cpu.fusion', 'sar_imaging.imaging.exact')
+    'sar_imaging.backends.cpu.fusion', 'sar_imaging.backends.cpu.groups',
+    'sar_imaging.backends.cpu.lines', 'sar_imaging.backends.cpu.points',
+    'sar_imaging.imaging.exact')
 # Read where a node is made, or by pytest alone; all others may be read while libraries are loaded.
 READ_LATER = ('ROS_', 'FASTRTPS_', 'PYTEST_')
 

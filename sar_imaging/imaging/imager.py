@@ -18,7 +18,6 @@ from ..backends import AUTO, CUDA, DeviceError, compilation_announced
 from ..backends.samples import check_device_arrays, compress
 from ..device_arrays import beside, on_device, to_host, zeros_beside
 from ..geometry.grids import Grid, MapGrid, as_grid
-from ..geometry.illumination import AntennaPattern, Pointing
 from ..geometry.polar import PolarGrid
 from ..memory import IMAGE_BYTES, check_memory
 from ..planning.ambiguities import flight_warnings
@@ -29,6 +28,7 @@ from .methods import AFBP, EXACT, Method, Options, method_class
 
 if TYPE_CHECKING:
     from ..backends.protocol import Backend
+    from ..geometry.illumination import AntennaPattern, Pointing
     from ..signal.range_compression import RangeCompressor
 
 

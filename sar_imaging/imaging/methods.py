@@ -18,7 +18,6 @@ import numpy as np
 from ..backends import AUTO, CUDA, check_illumination
 from ..device_arrays import beside
 from ..geometry.grids import Grid, TerrainGrid
-from ..geometry.illumination import AntennaPattern, Illumination, Pointing
 from ..memory import IMAGE_BYTES, check_memory
 from ..signal.pulses import PulseBlock, check_profiles
 from ..signal.radar import RadarParameters, Waveform
@@ -26,6 +25,7 @@ from .image import Report
 
 if TYPE_CHECKING:
     from ..backends.protocol import Backend
+    from ..geometry.illumination import AntennaPattern, Illumination, Pointing
 
 EXACT, AFBP = 'exact', 'afbp'
 _ITSELF = AUTO, 'cpu'  # what a method that needs no backend may be asked for
@@ -166,6 +166,8 @@ class Method:
         pattern = self.options.illumination
         self.illumination = None
         if pattern is not None:
+            from ..geometry.illumination import Illumination  # few images have a pattern
+
             self.illumination = Illumination.of_pulses(pattern, pointing, tx_m, rx_m)
         self._pointing = pointing
         self._centres = tx_m.copy(), rx_m.copy()

@@ -10,13 +10,16 @@ at places as far away, so that several channels, passes, uneven steps and near r
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..geometry.half_paths import half_paths
-from ..geometry.illumination import AntennaPattern, Illumination
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
+
+if TYPE_CHECKING:
+    from ..geometry.illumination import AntennaPattern, Illumination
 
 _LEAST_ECHOES, _ECHOES = 8, 128  # in the middle of the track, which are looked at
 _SAME = 0.02  # wavelengths along the track, within which one echo stands for all

@@ -11,12 +11,15 @@ is read of the others decides it.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..geometry.half_paths import half_paths
-from ..geometry.illumination import AmplitudeSpread
 from ..signal.radar import RadarParameters
+
+if TYPE_CHECKING:
+    from ..geometry.illumination import AmplitudeSpread
 
 _FAINT = 1.645  # standard deviations: one scene of twenty is fainter
 _ALIKE = 0.8  # brightness of the faintest place over the others', above which nothing is faint

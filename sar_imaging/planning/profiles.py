@@ -16,13 +16,13 @@ import dataclasses
 import functools
 import itertools
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.fft
 
 from ..geometry.grids import Grid
 from ..geometry.half_paths import Paths, half_paths
-from ..geometry.illumination import Illumination
 from ..signal.radar import RadarParameters, Waveform
 from ..signal.windows import window as window_weights
 from .aliasing_error import cosine_fall, guard_taper
@@ -30,6 +30,9 @@ from .costs import costs
 from .interpolators import LEAST_MARGIN, LINE_DEGREE, Interpolator, design_interpolator
 from .plan import total_db
 from .transform_lengths import cost_per_sample, smooth_lengths
+
+if TYPE_CHECKING:
+    from ..geometry.illumination import Illumination
 
 
 class PhaseHistory:

@@ -29,7 +29,8 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from tqdm import tqdm
 
-from ..backends.cpu.lines import LINES, _cos_cycles, _fraction, _sin_cycles, project_lines
+from ..backends.cpu.lines import LINES, project_lines
+from ..backends.cpu.phasors import cos_cycles, fraction, sin_cycles
 from ..backends.cpu.profiles import Profiles
 from ..compilation import njit, numba
 from ..geometry.grids import MapGrid
@@ -1482,7 +1483,7 @@ def merge(child, child_shape, parent, parent_shape, geometry, weights_range, wei
                 scale = step / geometry[10] / r1
                 u0, u1 = np.float32(u - row - 0.5), np.float32(a1 * scale)
                 u2 = np.float32(0.5 * a2 * scale * step / r1)
-                phase = np.float32(_fraction(cycles_per_pixel * (node - begin - half)))
+                phase = np.float32(fraction(cycles_per_pixel * (node - begin - half)))
                 count = np.uint64((min(segment, n - begin) + LANES - 1) // LANES * LANES)
                 reach = count + np.uint64(LANES)
                 low = np.int64(row) + first
@@ -1519,9 +1520,9 @@ def merge(child, child_shape, parent, parent_shape, geometry, weights_range, wei
                 pixel = np.uint64(line * n + begin)
                 pixel_im = pixel + np.uint64(parent_size)
                 for i in range(count):
-                    cycles = _fraction(cycles_per_place * (place[at + i] + centre) + phase)
+                    cycles = fraction(cycles_per_place * (place[at + i] + centre) + phase)
                     square = cycles * cycles
-                    sine, cosine = _sin_cycles(cycles, square), _cos_cycles(square)
+                    sine, cosine = sin_cycles(cycles, square), cos_cycles(square)
                     re, im = out_re[at + i], out_im[at + i]
                     out_re[at + i] = re * cosine - im * sine
                     out_im[at + i] = re * sine + im * cosine
@@ -1632,10 +1633,10 @@ def add_to_grid(local, shape, geometry, grid, layout, weights_range, weights_alp
                     along_range[at + i] = v - node - 0.5
                     along_alpha[at + i] = u - line - 0.5
                     place[at + i] = np.int64((line + first) * n_range + node + first)
-                    cycles = np.float32(_fraction(geometry[9] * (r - geometry[5])
+                    cycles = np.float32(fraction(geometry[9] * (r - geometry[5])
                                                   - geometry[10] * (begin + np.float64(i))))
-                    sine[at + i] = _sin_cycles(cycles, cycles * cycles)
-                    cosine[at + i] = _cos_cycles(cycles * cycles)
+                    sine[at + i] = sin_cycles(cycles, cycles * cycles)
+                    cosine[at + i] = cos_cycles(cycles * cycles)
                 pixel = np.uint64(row * layout[2] + begin * layout[3])
                 for i in range(count):
                     if taps == 8:

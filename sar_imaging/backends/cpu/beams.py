@@ -63,8 +63,9 @@ from .instructions import (
     order,
     take_job,
 )
-from .lines import PolarLines, _cos_cycles, _fraction, _sin_cycles, segment_middles
+from .lines import PolarLines, segment_middles
 from .memory import WorkSpace, aligned_empty
+from .phasors import cos_cycles, fraction, sin_cycles
 from .profiles import Profiles, spectra
 
 LANES = STEP_BINS  # float32 that lie together
@@ -568,25 +569,25 @@ def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, w
                     cycles_per_bin[0] + (number + (1.0 - _GAUSS) * left) * cycles_per_bin[1])
             for k in range(n_steps):
                 cycles = cycles_per_bin[1] * shift[k]
-                start = _fraction(carrier[k] + number * cycles)
+                start = fraction(carrier[k] + number * cycles)
                 grown = _read_table(log_gain, np.abs(slope[k] * ends[0]) / gain_step)
                 rate = _read_table(log_gain, np.abs(slope[k] * ends[1]) / gain_step) - grown
                 rate /= (1.0 - 2.0 * _GAUSS) * left
                 first_gain = np.float32(np.exp(grown - _GAUSS * left * rate))
                 to, x = _u(first_middle + k * LANES), np.float32(rate)
                 for i in range(LANES):
-                    c = np.float32(_fraction(start + i * cycles))
+                    c = np.float32(fraction(start + i * cycles))
                     gain = first_gain * _exp(x * np.float32(i))
-                    middle_re[to + _u(i)] = gain * _cos_cycles(c * c)
-                    middle_im[to + _u(i)] = gain * _sin_cycles(c, c * c)
+                    middle_re[to + _u(i)] = gain * cos_cycles(c * c)
+                    middle_im[to + _u(i)] = gain * sin_cycles(c, c * c)
                 gain = _exp(x * np.float32(LANES))
                 middle_steps[_u(steps + k)] = gain * middle_step[_u(k)]
                 middle_steps[_u(steps + n_steps + k)] = gain * middle_step[_u(n_steps + k)]
             per_metre = cycles_per_bin[0] + (number + vector_middle) * cycles_per_bin[1]
             for k in range(_u(n_phasors)):
-                c = np.float32(_fraction(per_metre * beside[k]))
-                phasor_re[_u(phasor) + k] = _cos_cycles(c * c)
-                phasor_im[_u(phasor) + k] = _sin_cycles(c, c * c)
+                c = np.float32(fraction(per_metre * beside[k]))
+                phasor_re[_u(phasor) + k] = cos_cycles(c * c)
+                phasor_im[_u(phasor) + k] = sin_cycles(c, c * c)
             while left > 0:
                 count = min(left, BINS)
                 n_vectors = (count + LANES - 1) // LANES
@@ -842,7 +843,7 @@ def interpolate_beams(beams, shape, lines, geometry, between, along, index, imag
                 u = (s - direction[0]) / direction[1]
                 beam = np.floor(u)
                 u1, u2 = np.float32(s1 / direction[1]), np.float32(0.5 * s2 / direction[1])
-                c0 = np.float32(_fraction(cycles_per_m * d - spacing * (number * segment + half)
+                c0 = np.float32(fraction(cycles_per_m * d - spacing * (number * segment + half)
                                           + zero_cycles))
                 c1 = np.float32(cycles_per_m * d1 - spacing)
                 c2, c3 = np.float32(0.5 * cycles_per_m * d2), np.float32(cycles_per_m * d3 / 6.0)
@@ -874,8 +875,8 @@ def interpolate_beams(beams, shape, lines, geometry, between, along, index, imag
                 fetch(image, imag + _u(n_pixels), _u(segment))
                 for i in range(some):
                     f = index[i]
-                    c = _fraction(c0 + f * (c1 + f * (c2 + f * c3)))
-                    sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
+                    c = fraction(c0 + f * (c1 + f * (c2 + f * c3)))
+                    sine, cosine = sin_cycles(c, c * c), cos_cycles(c * c)
                     re, im = work[sums + i], work[sums + part + i]
                     image[real + i] = re * cosine - im * sine
                     image[imag + i] = re * sine + im * cosine

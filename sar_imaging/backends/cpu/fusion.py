@@ -35,8 +35,8 @@ from .fft import (
     transform_rows,
 )
 from .instructions import job_counter, take_job
-from .lines import _cos_cycles, _fraction, _sin_cycles
 from .memory import aligned_empty, aligned_zeros
+from .phasors import cos_cycles, fraction, sin_cycles
 from .polar_to_map import polar_to_map
 
 _AHEAD = 2  # rows of a panel, whose place in the spectrum is fetched before they are added
@@ -457,8 +457,8 @@ def _restore_carrier(x, y, height2, along_x, along_y, alpha_start, cycles_per_al
         beside2, along = y[row] * y[row] + height2, y[row] * along_y
         for i in range(image.shape[1]):
             alpha = (x[i] * along_x + along) / np.sqrt(x[i] * x[i] + beside2)
-            c = _fraction(cycles_per_alpha * (alpha - alpha_start))
-            sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
+            c = fraction(cycles_per_alpha * (alpha - alpha_start))
+            sine, cosine = sin_cycles(c, c * c), cos_cycles(c * c)
             z = image[row, i]
             image[row, i] = complex(z.real * cosine - z.imag * sine,
                                     z.real * sine + z.imag * cosine)

@@ -22,7 +22,8 @@ from llvmlite import ir
 from numba.core import types
 
 from ...compilation import njit, numba
-from ...planning.exact.groups import QUAD, GroupedMap, GroupPlan
+from ...planning.exact.backprojection import BackprojectionPlan
+from ...planning.exact.groups import QUAD, GroupedMap
 from ...planning.exact.points import ImagePoints
 from .instructions import (
     DOUBLE,
@@ -36,8 +37,8 @@ from .instructions import (
     take_job,
 )
 from .memory import WorkSpace
-from .points import project_points
-from .polar_to_map import _COSINES, _SINES, _polynomial, group_to_map
+from .phasors import COSINES, SINES
+from .polar_to_map import _polynomial, group_to_map
 from .profiles import Profiles
 
 LINES = 16  # of a part whose geometry is computed together
@@ -110,7 +111,7 @@ def store_line(b, work, behind, n_vectors, numbers, constant, first, second, thi
                  for address in (numbers, work, b.add(work, behind)))
     g = _polynomial(cycles, f)
     g = g - g.call('rint')
-    sine, cosine = g * _polynomial(_SINES, g * g), _polynomial(_COSINES, g * g)
+    sine, cosine = g * _polynomial(SINES, g * g), _polynomial(COSINES, g * g)
     for part, value in enumerate((re * cosine - im * sine, re * sine + im * cosine)):
         b.store(value.value, b.pointer(place, _FLOATS, part * 4 * LANES), align=4)
     following = b.add(index, INT(1))
@@ -325,7 +326,7 @@ def expand_echo(b, paths, others, per_cell, spacing, n_phases, drifts, constants
     turns = n * cycles_per_step + cycles
     turns = turns - turns.call('rint') + t * cycles_per_step
     g = (turns - turns.call('rint')).rounded()
-    sine, cosine = g * _polynomial(_SINES, g * g), _polynomial(_COSINES, g * g)
+    sine, cosine = g * _polynomial(SINES, g * g), _polynomial(COSINES, g * g)
     a, second, third = (((one - _row(b, drifts, n)) * cycles_per_step * (2 * np.pi)).rounded()
                         for n, one in enumerate(drift))
     aa, square = a * a, (half * half).rounded()
@@ -509,26 +510,28 @@ class GroupImages:
 
     Parameters
     ----------
-    plan : GroupPlan
-        How.
-    wavelength_m : float
-        Of the carrier.
+    plan : BackprojectionPlan
+        By a `GroupPlan`.
     memory : WorkSpace
         Shared with other plans whose echoes are added in turn.
     """
 
-    def __init__(self, plan: GroupPlan, wavelength_m: float, memory: WorkSpace):
-        self._plan, self._memory = plan, memory
-        self._maps = [_Map(one, plan.window, 2 / wavelength_m, memory) for one in plan.maps]
-        self._rest = [(corner, ImagePoints.of_grid(grid)) for corner, grid in plan.rest]
+    def __init__(self, plan: BackprojectionPlan, memory: WorkSpace):
+        route, cycles_per_m = plan.route, 2 / plan.radar.wavelength_m
+        self._points, self._memory = route.points, memory
+        self._maps = [_Map(one, route.window, cycles_per_m, memory) for one in route.maps]
+        self._rest = [(corner, ImagePoints.of_grid(grid)) for corner, grid in route.rest]
 
     def add(self, samples, tx_m, rx_m, image) -> None:
         """Add echoes to an image, see `backends.protocol.Backprojection`."""
         for one in self._maps:
             one.add(samples, _part_of(image, one.plan.corner, one.plan.grid.shape))
+        if self._rest:
+            from .points import project_points  # few maps have parts that no group suits
+
         for corner, points in self._rest:
             part = np.zeros(points.shape, np.complex64)
-            project_points(self._plan.points, [points], samples, tx_m, rx_m,
+            project_points(self._points, [points], samples, tx_m, rx_m,
                            part.reshape(-1).view(np.float32), self._memory)
             onto = _part_of(image, corner, points.shape)
             onto += part

@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...compilation import DETERMINISTIC, njit, numba
-from ...geometry.illumination import Illumination
 from ...planning.exact.points import ImagePoints
 
 if TYPE_CHECKING:
+    from ...geometry.illumination import Illumination
     from ...planning.exact.illumination import LitPoints
 
 

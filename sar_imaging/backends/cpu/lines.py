@@ -18,41 +18,23 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...compilation import njit, numba
-from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...planning.interpolators import LINE_DEGREE
 from .illumination import Antennas, TileAmplitudes
-from .memory import plain
+from .memory import WorkSpace, plain
+from .phasors import cos_cycles, fraction, sin_cycles
 from .profiles import Profiles
 
 if TYPE_CHECKING:
+    from ...geometry.illumination import Illumination
+    from ...planning.exact.backprojection import BackprojectionPlan
     from ...planning.exact.illumination import LitLines
 
 LINES = 32  # image lines whose geometry is computed together
 _PLANES = 2 * (LINE_DEGREE + 1)
 _TASKS_PER_THREAD = 8
 
-# exp(j 2 pi c) for |c| <= 1/2 as minimax polynomials in c^2; rms error 4e-6 (sine), 6e-7 (cosine)
-_S1, _S3, _S5, _S7, _S9 = (np.float32(v) for v in (
-    6.2830558, -41.33121428, 81.36681482, -74.47800122, 32.78139356))
-_C0, _C2, _C4, _C6, _C8, _C10 = (np.float32(v) for v in (
-    0.99999922, -19.73898258, 64.92872795, -85.27240902, 58.79408621, -21.07685034))
 _R1, _R2, _R6, _R8, _R24 = (np.float32(1 / v) for v in (1, 2, 6, 8, 24))
-
-
-@njit(inline='always')
-def _fraction(x):
-    return x - np.rint(x)
-
-
-@njit(inline='always')
-def _sin_cycles(c, x):
-    return c * (_S1 + x * (_S3 + x * (_S5 + x * (_S7 + x * _S9))))
-
-
-@njit(inline='always')
-def _cos_cycles(x):
-    return _C0 + x * (_C2 + x * (_C4 + x * (_C6 + x * (_C8 + x * _C10))))
 
 
 def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
@@ -258,7 +240,7 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
                     coefficients[task, 0, j] = v - n
                     k1, k2, k3 = _drift(paths, task, j, other, inverse_step, n_phases)
                     _store_drift(coefficients, paths, task, j, half, cycles_per_step, k1, k2, k3)
-                    coefficients[task, 4, j] = _fraction(
+                    coefficients[task, 4, j] = fraction(
                         cycles_per_step * (v - shared) + cycles_zero)
                     # A segment outside the profile reads padding only.
                     cell = min(max(cell, -1.0 * half), n_cells - 2.0 * segment + half)
@@ -309,8 +291,8 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
                 some = np.uint64(min(segment, n_pixels - number * segment))
                 for i in range(some):
                     f = index[i]
-                    c = _fraction(b0 + f * (b1 + f * (b2 + f * b3)))
-                    sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
+                    c = fraction(b0 + f * (b1 + f * (b2 + f * b3)))
+                    sine, cosine = sin_cycles(c, c * c), cos_cycles(c * c)
                     re, im = work_re[w + i], work_im[w + i]
                     re, im = re * cosine - im * sine, re * sine + im * cosine
                     cosine, sine = ramp[first + i], ramp[after + first + i]
@@ -363,10 +345,10 @@ def _shared_cycles(paths, task, j, half, cycles_per_step, inverse_step):
     square = 1.0 * half * half
     quartic = cycles_per_step * inverse_step * (1.0 / 48.0) * (
         paths[task, 11, j] + paths[task, 12, j])
-    return (np.float32(_fraction(-0.125 * square * square * quartic)),
-            np.float32(_fraction(cycles_per_step * paths[task, 8, j])),
-            np.float32(_fraction(cycles_per_step * paths[task, 9, j] + square * quartic)),
-            np.float32(_fraction(cycles_per_step * paths[task, 10, j])))
+    return (np.float32(fraction(-0.125 * square * square * quartic)),
+            np.float32(fraction(cycles_per_step * paths[task, 8, j])),
+            np.float32(fraction(cycles_per_step * paths[task, 9, j] + square * quartic)),
+            np.float32(fraction(cycles_per_step * paths[task, 10, j])))
 
 
 @njit(inline='always')
@@ -378,7 +360,7 @@ def _expand_phasor(coefficients, task, j, half):
     """
     g = coefficients[task, 4, j]
     a, b, c = coefficients[task, 5, j], coefficients[task, 6, j], coefficients[task, 7, j]
-    sine, cosine = _sin_cycles(g, g * g), _cos_cycles(g * g)
+    sine, cosine = sin_cycles(g, g * g), cos_cycles(g * g)
     aa = a * a
     square = np.float32(half * half)
     # exp(j (a f + b f^2 + c f^3)) = 1 + j a f + (j b - a^2/2) f^2 + ...
@@ -457,6 +439,31 @@ def segment_middles(locate, line, n_pixels: int, segment: int) -> np.ndarray:
     return np.concatenate(locate(middle[:, None], line), axis=-1)
 
 
+class GridLineImages:
+    """Adds echoes to an image along the lines of its grid, see `Backprojection`."""
+
+    def __init__(self, plan: BackprojectionPlan, memory: WorkSpace):
+        route, lines = plan.route, plan.route.lines
+        segment = route.lattice.segment
+        self._profiles = Profiles(route.window, route.lattice, lines.range_m, memory)
+        self._layers = [(line_middles(lines.locate(layer), lines.n_lines, lines.n_pixels, segment),
+                         layout) for layer, layout in enumerate(lines.layouts)]
+        # carrier phase that all lines of the image share
+        self._ramp = _phasor(self._profiles.cycles_per_step * route.lattice.n_phases
+                             * np.arange(lines.n_pixels))
+        self._tiles = None
+        if route.lit is not None:
+            echoes = Antennas.of(plan.illumination)
+            self._tiles = [TileAmplitudes(echoes, *route.lit.knots(
+                lines.locate(layer), lines.n_lines, lines.n_pixels, segment))
+                for layer in range(len(lines.layouts))]
+
+    def add(self, samples, tx_m, rx_m, image) -> None:
+        """Add echoes to an image, see `backends.protocol.Backprojection`."""
+        project_lines(self._profiles, samples, tx_m, rx_m, self._layers, self._ramp,
+                      image.reshape(-1).view(np.float32), self._tiles)
+
+
 class PolarLines:
     """Lines of a polar grid, prepared for adding any number of echoes.
 
@@ -499,12 +506,6 @@ class PolarLines:
         if weights is not None:
             samples = samples * weights[:, None]
         self.add(samples, tx_m, rx_m, image, illumination)
-
-
-def shared_phase(profiles: Profiles, n_pixels: int) -> np.ndarray:
-    """(n_pixels,) complex64 carrier phase that all lines of an image share."""
-    cycles = profiles.cycles_per_step * profiles.lattice.n_phases * np.arange(n_pixels)
-    return _phasor(cycles)
 
 
 def _phasor(cycles) -> np.ndarray:

@@ -20,21 +20,24 @@ several times as fast.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from llvmlite import ir
 from numba import types
 
 from ...compilation import njit, numba
-from ...geometry.illumination import Illumination
-from ...planning.exact.points import ImagePoints, PointPlan
+from ...planning.exact.points import ImagePoints, PointPlan, image_layers
 from ...signal.radar import RadarParameters
 from .illumination import Antennas, PointAntennas, TileNodes, amplitude_of, dark_sphere
 from .instructions import FLOAT, INT, INT32, instructions, order
-from .lines import _cos_cycles, _fraction, _sin_cycles
 from .memory import WorkSpace, plain
+from .phasors import cos_cycles, fraction, sin_cycles
 from .profiles import Profiles
+
+if TYPE_CHECKING:
+    from ...geometry.illumination import Illumination
+    from ...planning.exact.backprojection import BackprojectionPlan
 
 RUN = 8  # floats per pixel
 PIXELS = 16  # pixels read together
@@ -82,6 +85,19 @@ _GROUPS_PER_THREAD = 4  # evens the load out
 # 1 / (1 + sqrt(1 + s)) = 1/2 - s/8 + s^2/16 - 5 s^3/128 + ...
 _B0, _B1, _B2, _B3, _B4, _B5 = (np.float32(v) for v in (
     1 / 2, -1 / 8, 1 / 16, -5 / 128, 7 / 256, -21 / 1024))
+
+
+class PointImages:
+    """Adds echoes to an image point by point, see `Backprojection`."""
+
+    def __init__(self, plan: BackprojectionPlan, memory: WorkSpace):
+        self._plan, self._memory, self._illumination = plan.route, memory, plan.illumination
+        self._layers = image_layers(plan.grid)
+
+    def add(self, samples, tx_m, rx_m, image) -> None:
+        """Add echoes to an image, see `backends.protocol.Backprojection`."""
+        project_points(self._plan, self._layers, samples, tx_m, rx_m,
+                       image.reshape(-1).view(np.float32), self._memory, self._illumination)
 
 
 def project_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m, rx_m, image,
@@ -360,7 +376,7 @@ def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, illuminati
                 v = (0.5 * (da + db) - range_zero) * inverse_step
                 cell = np.floor(v)
                 t0, c0 = np.float32(v - cell), np.float32(
-                    _fraction(cycles_per_step * v + cycles_zero))
+                    fraction(cycles_per_step * v + cycles_zero))
                 # far outside stays outside whatever the offset
                 n0 = np.float32(min(max(cell, -4e6), 4e6))
                 scale = inverse_step / da
@@ -383,7 +399,7 @@ def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, illuminati
                     part[to + k] = t - n
                     n = min(max(n + n0, np.float32(0)), n_last)
                     index[to + k] = np.int32(np.float32(RUN) * n)
-                    cycles[to + k] = _fraction(c0 + short_cycles * shift)
+                    cycles[to + k] = fraction(c0 + short_cycles * shift)
             else:
                 for k in range(count):
                     x, y, z = places[px + k], places[py + k], places[pz + k]
@@ -393,7 +409,7 @@ def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, illuminati
                     n = np.floor(v)
                     part[to + k] = v - n
                     index[to + k] = np.int32(RUN * min(max(n, 0.0), last))
-                    cycles[to + k] = _fraction(cycles_per_step * v + cycles_zero)
+                    cycles[to + k] = fraction(cycles_per_step * v + cycles_zero)
             for first in range(0, height * width, PIXELS):
                 load_columns(coefficients, echo * n_cells * RUN, index, np.int64(to) + first,
                              columns, np.int64(r0) + first, TILE)
@@ -404,7 +420,7 @@ def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, illuminati
                 im = columns[i0 + k] + t * (columns[i1 + k] + t * (
                     columns[i2 + k] + t * columns[i3 + k]))
                 c = cycles[to + k]
-                sine, cosine = _sin_cycles(c, c * c), _cos_cycles(c * c)
+                sine, cosine = sin_cycles(c, c * c), cos_cycles(c * c)
                 if illumination is not None:
                     re, im = re * amplitude[to + k], im * amplitude[to + k]
                 real[to + k] += re * cosine - im * sine
@@ -531,8 +547,8 @@ def add_pieces(real, imag, tx, rx, starts, direction, range_start, spacing, wave
                 re, im = real[j], imag[j]
                 re += t * (real[j + one] - re)
                 im += t * (imag[j + one] - im)
-                g = _fraction(c0 + f * (c1 + f * c2))
-                sine, cosine = _sin_cycles(g, g * g), _cos_cycles(g * g)
+                g = fraction(c0 + f * (c1 + f * c2))
+                sine, cosine = sin_cycles(g, g * g), cos_cycles(g * g)
                 out_re[to + i] += re * cosine - im * sine
                 out_im[to + i] += re * sine + im * cosine
 

@@ -27,7 +27,6 @@ from ...compilation import DETERMINISTIC, njit, numba
 from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...planning.interpolators import Interpolator
-from . import lines
 from .instructions import (
     BLOCK,
     DOUBLE,
@@ -47,6 +46,7 @@ from .instructions import (
     transpose,
 )
 from .memory import aligned_empty
+from .phasors import COSINES, SINES
 
 if TYPE_CHECKING:
     from ...planning.exact.groups import GroupedMap
@@ -58,8 +58,6 @@ FIRST, _T, _START, _COSINE, _SINE = range(0, POSITION_BYTES, VECTOR_BYTES)
 
 _FLOATS, _DOUBLES = ir.VectorType(FLOAT, LANES), ir.VectorType(DOUBLE, LANES)
 _SAMPLES = ir.VectorType(FLOAT, 2 * LANES)
-_SINES = [getattr(lines, f'_S{i}') for i in (9, 7, 5, 3, 1)]
-_COSINES = [getattr(lines, f'_C{i}') for i in (10, 8, 6, 4, 2, 0)]
 _i, _d = types.int64, types.float64
 
 
@@ -91,8 +89,8 @@ def locate_ranges(b, ahead2, beside2, shifts, start, inverse, cycles_per_m, last
     _store_positions(b, r * inverse + _load(b, shifts, _DOUBLES), 0.0, last, to)
     cycles = r * cycles_per_m
     c = (cycles - cycles.call('rint')).rounded()
-    _store(b, _polynomial(_COSINES, c * c), to, _COSINE)
-    _store(b, c * _polynomial(_SINES, c * c), to, _SINE)
+    _store(b, _polynomial(COSINES, c * c), to, _COSINE)
+    _store(b, c * _polynomial(SINES, c * c), to, _SINE)
 
 
 @instructions(_i, _i, _i, _i, None, _i, _i, _i)

@@ -6,16 +6,18 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ...device_arrays import alike, are_finite, beside, on_device, to_host
-from ...geometry.illumination import Pointing
 from ...geometry.track import mean_centres
 from ..radar import RadarParameters
 from .sequence import COUNTER_MASK, describe_counters
+
+if TYPE_CHECKING:
+    from ...geometry.illumination import Pointing
 
 # An image adds up to a million echoes, and its power is a float32, too.
 _MOST_ENERGY = float(np.finfo(np.float32).max) / 2.0**40
@@ -344,7 +346,7 @@ def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
     if first.has_positions:
         positions = {'tx_m': join('tx_m'), 'rx_m': join('rx_m')}
     if first.pointing is not None:
-        positions['pointing'] = Pointing.join([b.pointing for b in blocks])
+        positions['pointing'] = first.pointing.join([b.pointing for b in blocks])
     samples = np.concatenate([alike(b.samples, first.samples) for b in blocks])
     return dataclasses.replace(first, stamp_ns=join('stamp_ns'), counter=join('counter'),
                                samples=samples, **positions)
