@@ -60,6 +60,8 @@ class Paths:
 
         Rows without any have that of the illuminated rows before and after.
         """
+        if self.illuminated is None:
+            return values
         count, number = self.illuminated.sum(axis=1), np.arange(len(self.illuminated))
         some = count > 0
         mean = (values * self.illuminated).sum(axis=1)[some] / count[some]
@@ -70,7 +72,7 @@ class Paths:
         """Values of illuminated pairs alone, (n,), from those of all pairs or of some rows."""
         return values if self.illuminated is None else values[self.illuminated[rows]]
 
-    def mean(self, values, rows) -> float:
+    def mean(self, values: np.ndarray, rows: np.ndarray) -> float:
         """Mean of values (K, S) of some rows, (K,), over what they illuminate, by their shares."""
         weight = np.ones((1, len(rows))) if self.weight is None else self.weight[:, rows]
         count = np.full(len(rows), values.shape[1])
@@ -118,7 +120,7 @@ def _paths(centres: Sequence[np.ndarray], line: Sequence[np.ndarray]) -> list[np
         return (sum(a * b for a, b in zip(derivatives[i], derivatives[j], strict=True))
                 if max(i, j) < len(derivatives) else 0.0)
 
-    total = None
+    total: list[np.ndarray] = []
     for centre in centres:
         offset = [x - c for x, c in zip(line[0].T, np.moveaxis(centre, -1, 0), strict=True)]
         d = np.maximum(np.sqrt(sum(o * o for o in offset)), _NEAREST_M)
@@ -130,7 +132,7 @@ def _paths(centres: Sequence[np.ndarray], line: Sequence[np.ndarray]) -> list[np
         d3 = (3 * square(0, 1) + p3 - 3 * d1 * d2) / d
         d4 = (3 * square(1, 1) + 4 * square(0, 2) + p4 - 4 * d1 * d3 - 3 * d2 * d2) / d
         found = [d, d1, d2, d3, d4]
-        total = found if total is None else [a + b for a, b in zip(total, found, strict=True)]
+        total = [a + b for a, b in zip(total, found, strict=True)] if total else found
     return total if len(centres) == 1 else [v / len(centres) for v in total]
 
 

@@ -400,7 +400,7 @@ class FixPoses:
 
     def _rotated(self) -> list[FramePose]:
         """Poses at the times of the attitudes that fixes surround."""
-        if not self._attitudes or not len(self._track):
+        if self.datum is None or not self._attitudes or not len(self._track):
             return []
         waiting = list(self._attitudes)
         stamps = np.array([stamp for stamp, _ in waiting], np.int64)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -84,7 +84,7 @@ class _Trial:
         self._use(history, bent)
         if method.PHASE_HISTORIES and not history:
             try:
-                self.imager().plan(self.block.tx_m, self.block.rx_m)
+                self.imager().plan(cast(Any, self.block.tx_m), cast(Any, self.block.rx_m))
             except ValueError:  # refuses profiles
                 self._use(True, bent)
 

@@ -171,7 +171,7 @@ def correlate_profiles(block: PulseBlock, points: ArrayLike, *,
     100.00 [True, False]
     """
     radar, points = block.radar, np.ascontiguousarray(points, np.float64)
-    if not block.compressed or not block.has_positions:
+    if not block.compressed or block.tx_m is None or block.rx_m is None:
         raise ValueError('correlate_profiles needs range profiles with phase centres; compress '
                          'raw pulses first and give every pulse its position')
     if points.ndim != 2 or points.shape[1] != 3:

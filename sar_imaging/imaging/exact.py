@@ -93,6 +93,7 @@ class Exact(Method):
               ) -> tuple[np.ndarray, Report]:
         """See `Method`; takes no memory for another image."""
         check_profiles(block, self.radar, self.n_samples)
+        assert block.tx_m is not None and block.rx_m is not None  # as was checked
         onto = zeros_beside(self.grid.shape, block.samples) if onto is None else onto
         if self._sum is not None:
             samples = contiguous(self.weighted(block).samples).reshape(-1, self.n_samples)

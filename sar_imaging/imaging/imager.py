@@ -63,10 +63,9 @@ class Channels:
         """Of the image: that of one channel, or of all, one after the other."""
         return (n_channels, *shape) if self.per_channel else shape
 
-    def centres(self, tx_m: np.ndarray | None, rx_m: np.ndarray | None
-                ) -> tuple[np.ndarray, np.ndarray]:
+    def centres(self, tx_m: np.ndarray, rx_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Phase centres as the image takes them, metres."""
-        return (0.5 * (tx_m + rx_m),) * 2 if self.midpoint and tx_m is not None else (tx_m, rx_m)
+        return (0.5 * (tx_m + rx_m),) * 2 if self.midpoint else (tx_m, rx_m)
 
     def cuts(self, n_channels: int) -> list[slice]:
         """Channels of each image."""
@@ -84,9 +83,10 @@ class Channels:
         if self._weights is not None and len(self._weights) != block.n_channels:
             raise ValueError(f'the block has {block.n_channels} channels, weights are for '
                              f'{len(self._weights)}; pass one weight per channel')
-        samples, (tx, rx) = block.samples, self.centres(block.tx_m, block.rx_m)
-        if self._weights is None and not (self.per_channel or self.midpoint):
+        if (block.tx_m is None or block.rx_m is None  # which the method refuses
+                or self._weights is None and not (self.per_channel or self.midpoint)):
             return [block]
+        samples, (tx, rx) = block.samples, self.centres(block.tx_m, block.rx_m)
         if self._weights is not None:
             samples = samples * beside(self._weights[:, None], samples)
         return [dataclasses.replace(block, samples=samples[:, cut], tx_m=tx[:, cut],
@@ -192,7 +192,7 @@ def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
     imager = Imager(as_grid(grid, height_m), radar, n_samples, method, options,
                     Channels(weights, per_channel, midpoint), own)
     if tx_m is not None:
-        imager.plan(tx_m, rx_m, pointing)
+        imager.plan(tx_m, cast(Any, rx_m), pointing)
     return imager
 
 
@@ -417,10 +417,11 @@ class Imager:
             return None, f'AFBP is not possible: {error}'
         if doubts := cast(Any, afbp.report.plan).subapertures.warnings:
             return None, f'AFBP may miss the target: {"; ".join(doubts)}'
-        if afbp.report.seconds + _PLANNING_S >= seconds:
-            return None, f'AFBP would take {afbp.report.seconds:.2g} s, this {seconds:.2g} s'
-        return afbp, (f'meets the target in {afbp.report.seconds:.2g} s, exact backprojection '
-                      f'takes {seconds:.2g} s')
+        quicker = cast(float, afbp.report.seconds)
+        if quicker + _PLANNING_S >= seconds:
+            return None, f'AFBP would take {quicker:.2g} s, this {seconds:.2g} s'
+        return afbp, (f'meets the target in {quicker:.2g} s, exact backprojection takes '
+                      f'{seconds:.2g} s')
 
     def _plan_anew(self, number: int, method: type[Method], where: Sequence[Any], reason: str
                    ) -> Method:
@@ -481,7 +482,7 @@ def _worse(one: Report, other: Report, *, first: bool) -> Report:
     """The report of the larger predicted error, with the warnings of both."""
     if first:
         return other
-    errors = one.predicted_error_db, other.predicted_error_db
-    worse = other if None in errors or errors[1] >= errors[0] else one
+    before, after = one.predicted_error_db, other.predicted_error_db
+    worse = other if before is None or after is None or after >= before else one
     return dataclasses.replace(worse, warnings=tuple(
         dict.fromkeys((*one.warnings, *other.warnings))))

@@ -178,7 +178,8 @@ class Method:
         """Whether it was planned for these phase centres and directions."""
         return (self._centres is not None
                 and all(map(np.array_equal, self._centres, (tx_m, rx_m)))
-                and (self.illumination is None or self._pointing.same_as(pointing)))
+                and (self.illumination is None or self._pointing is not None
+                     and self._pointing.same_as(pointing)))
 
     @property
     def uses_device(self) -> bool:

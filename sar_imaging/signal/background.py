@@ -96,7 +96,7 @@ class BackgroundFilter:
         """
         self._check_rate(block.stamp_ns)
         kind = (block.radar, block.compressed, block.n_channels, block.n_samples)
-        if kind != self._kind or block.stamp_ns[0] <= self._last_ns:
+        if self._average is None or kind != self._kind or block.stamp_ns[0] <= self._last_ns:
             self.reset()
             self._kind = kind
             self._average = np.zeros(block.samples.shape[1:], np.complex64)

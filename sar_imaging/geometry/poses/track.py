@@ -247,7 +247,7 @@ class PoseTrack:
         self._behind: list[Pose] = []
         self._motion = Motion(jump_m, jump_rad)
         self._held: list[Pose] = []
-        self._first_miss: Miss | None = None  # of the poses that are held
+        self._first_miss: Miss  # of the poses that are held, while some are
         self._departures: list[Departure] = []
 
     def __len__(self) -> int:

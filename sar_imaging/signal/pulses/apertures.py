@@ -128,7 +128,7 @@ class AperturePulses(Aperture):
         position = self.position(block)
         self.memory[position] = block.samples
         self.tx_m[position], self.rx_m[position] = block.tx_m, block.rx_m
-        if self.looks is not None:
+        if self.looks is not None and block.pointing is not None:
             self.looks[:, position] = block.pointing.boresight, block.pointing.up
         super().keep(block)
 

@@ -242,7 +242,7 @@ class PulseBlock:
             object.__setattr__(self, name, value)
         check_counted(self.counter, self.stamp_ns)
         check_shapes(self.samples, len(self.stamp_ns), self.tx_m, self.rx_m)
-        if self.has_positions:
+        if self.tx_m is not None and self.rx_m is not None:
             check_positions(self.tx_m, self.rx_m)
         if self.pointing is not None and len(self.pointing) != self.n_pulses:
             raise ValueError(f'pointing is for {len(self.pointing)} pulses, the block has '
@@ -270,7 +270,15 @@ class PulseBlock:
 
     @property
     def phase_centre_m(self) -> np.ndarray:
-        """(P, 3) float64 mean of all transmit and receive phase centres of each pulse, metres."""
+        """(P, 3) float64 mean of all transmit and receive phase centres of each pulse, metres.
+
+        Raises
+        ------
+        ValueError
+            The pulses have none.
+        """
+        if self.tx_m is None or self.rx_m is None:
+            raise ValueError('the pulses have no phase centres; give tx_m and rx_m to the block')
         return mean_centres(self.tx_m, self.rx_m)
 
     def select(self, index: Any) -> PulseBlock:
@@ -346,7 +354,8 @@ def concatenate(blocks: Sequence[PulseBlock]) -> PulseBlock:
     if first.has_positions:
         positions = {'tx_m': join('tx_m'), 'rx_m': join('rx_m')}
     if first.pointing is not None:
-        positions['pointing'] = first.pointing.join([b.pointing for b in blocks])
+        positions['pointing'] = first.pointing.join(
+            [b.pointing for b in blocks if b.pointing is not None])
     samples = np.concatenate([alike(b.samples, first.samples) for b in blocks])
     return dataclasses.replace(first, stamp_ns=join('stamp_ns'), counter=join('counter'),
                                samples=samples, **positions)

@@ -195,14 +195,15 @@ class PulseBuffer(EventSource):
                          'recording loops, a new pulse sequence begins')
             self._begin_sequence()
         for block in verdict.accepted:
-            self._insert(block)
-            emitted += self._release(self._highest - self._window)
+            emitted += self._release(self._insert(block) - self._window)
         return emitted
 
-    def _insert(self, block: PulseBlock) -> None:
+    def _insert(self, block: PulseBlock) -> int:
+        """Keep the pulses of a block that did not come before; returns the highest counter."""
         late: list[int] = []
         duplicate: list[int] = []
-        for row, counter in enumerate(self._unwrap(block.counter)):
+        counters, highest = self._unwrap(block.counter)
+        for row, counter in enumerate(counters):
             stamp_ns = int(block.stamp_ns[row])
             if self._times.setdefault(counter, stamp_ns) != stamp_ns:
                 self.statistics.conflicting += 1
@@ -216,14 +217,14 @@ class PulseBuffer(EventSource):
             del self._times[next(iter(self._times))]
         self._count('duplicate', duplicate, 'dropped duplicate pulses')
         self._count('late', late, 'dropped pulses that came late')
+        return highest
 
-    def _unwrap(self, counters: np.ndarray) -> list[int]:
-        """Counters continued past the 32 bit wrap-around; updates the highest one."""
-        if self._highest is None:
-            self._highest = int(counters[0])
-        unwrapped = self._highest + counter_distance(counters, self._highest)
-        self._highest = max(self._highest, int(unwrapped.max()))
-        return unwrapped.tolist()
+    def _unwrap(self, counters: np.ndarray) -> tuple[list[int], int]:
+        """Counters continued past the 32 bit wrap-around, and the highest one until now."""
+        before = int(counters[0]) if self._highest is None else self._highest
+        unwrapped = before + counter_distance(counters, before)
+        self._highest = max(before, int(unwrapped.max()))
+        return unwrapped.tolist(), self._highest
 
     def _never_emitted(self, counter: int) -> bool:
         return counter < self._first or any(a <= counter <= b for a, b in self._gaps)
@@ -235,7 +236,7 @@ class PulseBuffer(EventSource):
             if self._next is None:
                 if counter >= decided:
                     break
-                self._start(counter)
+                self._next = self._start(counter)
             if counter > self._next:
                 emitted += self._declare_missing(min(counter, decided))
                 if counter > self._next:
@@ -252,15 +253,17 @@ class PulseBuffer(EventSource):
         self._report_gap()
         return emitted + self._cut()
 
-    def _start(self, counter: int) -> None:
-        self._next = self._first = counter
+    def _start(self, counter: int) -> int:
+        """Begin the sequence with a counter, and return it."""
+        self._first = counter
         position = (counter & COUNTER_MASK) % self._pulses_per_aperture
         where = f', {position} pulses into its aperture' if position else ''
         self._report('start', f'pulse sequence starts at {counter & COUNTER_MASK}{where}')
+        return counter
 
     def _declare_missing(self, end: int) -> list[PulseBlock]:
         """Counters from the next expected one up to `end` (exclusive) will not come any more."""
-        if end <= self._next:
+        if self._next is None or end <= self._next:
             return []
         self.statistics.missing += end - self._next
         if self._open_gap:

@@ -35,7 +35,7 @@ class RecentPulses:
 
     def add(self, block: PulseBlock) -> None:
         """Remember the pulses of a block, without their samples."""
-        if not block.has_positions or not block.n_pulses:
+        if block.tx_m is None or block.rx_m is None or not block.n_pulses:
             return
         self._blocks.append(PulseBlock(
             block.radar, block.compressed, block.stamp_ns.copy(), block.counter.copy(),
