@@ -127,9 +127,10 @@ lint: environment
 release-check: environment
 	@$(RUN) -c 'import build, twine, rattler_build, spellchecker' 2>/dev/null || \
 	    $(RUN) -m pip install --quiet --disable-pip-version-check -r requirements-release.txt
-	@$(RUN) -m pytest -m release test/test_package.py test/test_distribution.py \
-	    test/docs/test_spelling.py
-	@$(RUN) -m benchmarks.release.check $(if $(ROSDISTRO),--rosdistro "$(ROSDISTRO)")
+	@failed=0; $(RUN) -m pytest -m release test/test_package.py test/test_distribution.py \
+	    test/docs/test_spelling.py || failed=1; \
+	$(RUN) -m benchmarks.release.check $(if $(ROSDISTRO),--rosdistro "$(ROSDISTRO)") || failed=1; \
+	exit $$failed
 
 # An environment of its own for each Python, and a part of the tests in it.
 matrix:

@@ -7,8 +7,10 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..geometry.grids import MapGrid
 from .interpolation import (
@@ -80,9 +82,8 @@ class ImpulseResponse:
     window_m: tuple[float, float]
 
 
-def impulse_response(cut, spacing_m: float, *, half_width_m: float | None = None,
-                     peak_near_m: float | None = None,
-                     oversampling: int = 32) -> ImpulseResponse:
+def impulse_response(cut: ArrayLike, spacing_m: float, *, half_width_m: float | None = None,
+                     peak_near_m: float | None = None, oversampling: int = 32) -> ImpulseResponse:
     """Measure width, sidelobe ratios and position of a cut through a point response.
 
     The main lobe ends at the first minimum either side of the peak. An unweighted sinc over six
@@ -131,7 +132,7 @@ def impulse_response(cut, spacing_m: float, *, half_width_m: float | None = None
     step = spacing_m / oversampling
     peak = _peak_index(power, None if peak_near_m is None else peak_near_m / step)
     centre, top = _vertex(power, peak)
-    nulls = tuple(_null_index(power, peak, step) for step in (-1, +1))
+    nulls = _null_index(power, peak, -1), _null_index(power, peak, +1)
     depth = 10 * np.log10(max(max(power[n] for n in nulls), 1e-30 * top) / top)
     if depth > SHALLOW_NULL_DB:
         raise UnmeasurableError(f'the first minimum is only {-depth:.1f} dB below the peak; '
@@ -143,11 +144,11 @@ def impulse_response(cut, spacing_m: float, *, half_width_m: float | None = None
     return ImpulseResponse(
         irw_m=float(irw * step), pslr_db=pslr_db, islr_db=islr_db, peak_m=float(centre * step),
         peak_db=float(10 * np.log10(top)),
-        nulls_m=tuple(float((n - centre) * step) for n in nulls),
-        window_m=tuple(float((w - centre) * step) for w in window))
+        nulls_m=((nulls[0] - centre) * step, (nulls[1] - centre) * step),
+        window_m=((window[0] - centre) * step, (window[1] - centre) * step))
 
 
-def _fine_power(cut, oversampling: int) -> np.ndarray:
+def _fine_power(cut: ArrayLike, oversampling: int) -> np.ndarray:
     """Intensity of the cut at `oversampling` points per sample."""
     cut = np.asarray(cut)
     if cut.ndim != 1 or cut.size < 4:
@@ -215,11 +216,12 @@ def _crossing(power: np.ndarray, peak: int, step: int, level: float) -> float:
     return peak + step * (after - 1 + fraction)
 
 
-def _sidelobe_ratios(power, top, nulls, window) -> tuple[float, float]:
+def _sidelobe_ratios(power: np.ndarray, top: float, nulls: tuple[int, int],
+                     window: tuple[float, float]) -> tuple[float, float]:
     """PSLR and ISLR in decibels; positions in samples of `power`."""
     total = np.concatenate([[0.0], np.cumsum((power[1:] + power[:-1]) / 2)])
 
-    def energy(start, stop):
+    def energy(start: float, stop: float) -> float:
         return np.diff(np.interp([start, stop], np.arange(power.size), total))[0]
 
     sides = [(window[0], nulls[0]), (nulls[1], window[1])]
@@ -288,9 +290,9 @@ class ScattererQuality:
     window_azimuth_m: tuple[float, float] = (math.nan, math.nan)
     reason: str = ''
 
-    def as_json(self) -> dict:
+    def as_json(self) -> dict[str, object]:
         """Fields for JSON: NaN and infinities become None."""
-        def clean(value):
+        def clean(value: object) -> object:
             if isinstance(value, tuple):
                 return [clean(v) for v in value]
             return None if isinstance(value, float) and not math.isfinite(value) else value
@@ -298,10 +300,10 @@ class ScattererQuality:
         return {k: clean(v) for k, v in dataclasses.asdict(self).items()}
 
 
-def measure_scatterer(image, grid: MapGrid, truth_m, *, aperture_centre_m,
-                      wavenumber_rad_per_m: float, cut_half_width_range_m: float,
-                      cut_half_width_azimuth_m: float, name: str = '',
-                      neighbours_m: Sequence = ()) -> ScattererQuality:
+def measure_scatterer(image: ArrayLike, grid: MapGrid, truth_m: ArrayLike, *,
+                      aperture_centre_m: ArrayLike, wavenumber_rad_per_m: float,
+                      cut_half_width_range_m: float, cut_half_width_azimuth_m: float,
+                      name: str = '', neighbours_m: Sequence[ArrayLike] = ()) -> ScattererQuality:
     """Measure the response of one scatterer of known position.
 
     The brightest pixel within a third of the cut windows around the truth, nearer to it than to
@@ -349,10 +351,11 @@ def measure_scatterer(image, grid: MapGrid, truth_m, *, aperture_centre_m,
     >>> print(f'{found.irw_range_m:.2f} m by {found.irw_azimuth_m:.2f} m')
     0.44 m by 2.21 m
     """
-    truth_xy = project_on_plane(truth_m, aperture_centre_m, grid.z_m)
-    others = np.array([project_on_plane(p, aperture_centre_m, grid.z_m) for p in neighbours_m]
+    centre_m = np.asarray(aperture_centre_m, float)
+    truth_xy = project_on_plane(truth_m, centre_m, grid.z_m)
+    others = np.array([project_on_plane(p, centre_m, grid.z_m) for p in neighbours_m]
                       ).reshape(-1, 2)
-    offset = truth_xy - np.asarray(aperture_centre_m[:2], float)
+    offset = truth_xy - centre_m[:2]
     along_range = offset / np.hypot(*offset)
     axes = np.stack([along_range, [-along_range[1], along_range[0]]])
     half_widths = np.array([cut_half_width_range_m, cut_half_width_azimuth_m], float)
@@ -361,21 +364,23 @@ def measure_scatterer(image, grid: MapGrid, truth_m, *, aperture_centre_m,
     half_size = np.abs(axes).T @ (half_widths * 4 / 3) + margin
     try:
         chip, chip_grid = crop(np.asarray(image), grid, truth_xy, half_size)
-        chip = to_baseband(chip, chip_grid, aperture_centre_m, wavenumber_rad_per_m)
+        chip = to_baseband(chip, chip_grid, centre_m, wavenumber_rad_per_m)
         peak_xy, amplitude = _find_peak(chip, chip_grid, truth_xy, axes, half_widths / 3, others)
     except ValueError as error:
         return ScattererQuality(name, reason=str(error))
-    fields = {'name': name, 'peak_x_m': float(peak_xy[0]), 'peak_y_m': float(peak_xy[1]),
-              'peak_amplitude': amplitude}
+    fields: dict[str, Any] = {'name': name, 'peak_x_m': float(peak_xy[0]),
+                              'peak_y_m': float(peak_xy[1]), 'peak_amplitude': amplitude}
     fields['reason'] = _measure_cuts(chip, chip_grid, peak_xy, axes, half_widths,
                                      others - truth_xy, truth_xy, fields)
     return ScattererQuality(**fields)
 
 
-def _measure_cuts(chip, grid: MapGrid, peak_xy, axes, half_widths, other_offsets, truth_xy,
-                  fields: dict) -> str:
+def _measure_cuts(chip: np.ndarray, grid: MapGrid, peak_xy: np.ndarray, axes: np.ndarray,
+                  half_widths: np.ndarray, other_offsets: np.ndarray, truth_xy: np.ndarray,
+                  fields: dict[str, Any]) -> str:
     """Fill `fields` with the figures of both cuts; return why some are missing."""
-    responses, reasons = [None, None], []
+    responses: list[ImpulseResponse | None] = [None, None]
+    reasons = []
     for axis, label in enumerate(LABELS):
         fields[f'position_error_{label}_m'] = float((peak_xy - truth_xy) @ axes[axis])
         try:
@@ -399,7 +404,8 @@ def _measure_cuts(chip, grid: MapGrid, peak_xy, axes, half_widths, other_offsets
     return '; '.join(reasons)
 
 
-def _find_peak(chip, grid: MapGrid, truth_xy, axes, radii, others) -> tuple[np.ndarray, float]:
+def _find_peak(chip: np.ndarray, grid: MapGrid, truth_xy: np.ndarray, axes: np.ndarray,
+               radii: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, float]:
     """Position (2,) and magnitude of the strongest local maximum near the truth."""
     points = grid.points()[..., :2]
     allowed = np.sum(((points - truth_xy) @ axes.T / radii) ** 2, axis=-1) <= 1
@@ -430,7 +436,7 @@ def _find_peak(chip, grid: MapGrid, truth_xy, axes, radii, others) -> tuple[np.n
     return peak, float(np.abs(sample_baseband(chip, grid, peak[None]))[0])
 
 
-def _paraboloid_vertex(points, power) -> np.ndarray:
+def _paraboloid_vertex(points: np.ndarray, power: np.ndarray) -> np.ndarray:
     """Place of the maximum of a paraboloid fitted to the power at (..., 2) points."""
     middle = points.reshape(-1, 2).mean(axis=0)
     x, y = (points.reshape(-1, 2) - middle).T
@@ -446,8 +452,8 @@ def _paraboloid_vertex(points, power) -> np.ndarray:
     return middle + scale * offset
 
 
-def _measure_cut(chip, grid: MapGrid, peak_xy, direction, half_width_m: float
-                 ) -> ImpulseResponse:
+def _measure_cut(chip: np.ndarray, grid: MapGrid, peak_xy: np.ndarray, direction: np.ndarray,
+                 half_width_m: float) -> ImpulseResponse:
     """Impulse response of the cut through the peak, as far as the image reaches."""
     step = grid.spacing_m / CUT_POINTS_PER_PIXEL
     lower = np.array([grid.x_m[0], grid.y_m[-1]]) - 1e-9 * grid.spacing_m

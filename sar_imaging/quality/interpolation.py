@@ -13,8 +13,10 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..geometry.grids import MapGrid
 
@@ -31,7 +33,7 @@ def _inverse_correlation(taps: int) -> np.ndarray:
     return np.linalg.inv(correlation)
 
 
-def interpolation_weights(positions, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
+def interpolation_weights(positions: np.ndarray, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
     """Stencils that estimate a sampled signal between its samples.
 
     Parameters
@@ -65,7 +67,7 @@ def interpolation_weights(positions, n_samples: int) -> tuple[np.ndarray, np.nda
     return first, np.sinc(BANDWIDTH * offsets) @ _inverse_correlation(taps)
 
 
-def interpolate_cut(samples, positions) -> np.ndarray:
+def interpolate_cut(samples: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """Values of a band-limited signal between its samples.
 
     Parameters
@@ -86,7 +88,7 @@ def interpolate_cut(samples, positions) -> np.ndarray:
     return np.einsum('kt,kt->k', weights, samples[index])
 
 
-def interpolate_image(image, rows, columns) -> np.ndarray:
+def interpolate_image(image: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """Values of a band-limited image between its pixels, separable in rows and columns.
 
     Parameters
@@ -115,8 +117,8 @@ def interpolate_image(image, rows, columns) -> np.ndarray:
     return out
 
 
-def to_baseband(image, grid: MapGrid, aperture_centre_m, wavenumber_rad_per_m: float
-                ) -> np.ndarray:
+def to_baseband(image: np.ndarray, grid: MapGrid, aperture_centre_m: ArrayLike,
+                wavenumber_rad_per_m: float) -> np.ndarray:
     """Remove the carrier from an image (Rosenberg & Gray, equation 18, for any geometry).
 
     The image carries ``exp(j k_c D)``, faster than the pixel spacing can show; multiplied by
@@ -165,7 +167,8 @@ def to_baseband(image, grid: MapGrid, aperture_centre_m, wavenumber_rad_per_m: f
     return image * np.exp(-2j * math.pi * (cycles - np.round(cycles)))
 
 
-def crop(image, grid: MapGrid, centre_xy, half_size_m) -> tuple[np.ndarray, MapGrid]:
+def crop(image: np.ndarray, grid: MapGrid, centre_xy: Sequence[float] | np.ndarray,
+         half_size_m: Sequence[float] | np.ndarray) -> tuple[np.ndarray, MapGrid]:
     """Part of an image around a point, with the grid of the part.
 
     Parameters
@@ -199,11 +202,11 @@ def crop(image, grid: MapGrid, centre_xy, half_size_m) -> tuple[np.ndarray, MapG
     >>> part.shape, part_grid.centre_m
     ((5, 9), (105.25, 4.75, 0.0))
     """
-    row, column = grid.to_pixels(*centre_xy)
-    if not (-0.5 <= row <= grid.n_y - 0.5 and -0.5 <= column <= grid.n_x - 0.5):
+    down, right = (float(place) for place in grid.to_pixels(*centre_xy))
+    if not (-0.5 <= down <= grid.n_y - 0.5 and -0.5 <= right <= grid.n_x - 0.5):
         raise ValueError(f'({centre_xy[0]:.2f}, {centre_xy[1]:.2f}) m lies outside the image')
     half_columns, half_rows = (math.ceil(h / grid.spacing_m) for h in half_size_m)
-    row, column = round(float(row)), round(float(column))
+    row, column = round(down), round(right)
     r0, r1 = max(0, row - half_rows), min(grid.n_y, row + half_rows + 1)
     c0, c1 = max(0, column - half_columns), min(grid.n_x, column + half_columns + 1)
     centre = ((grid.x_m[c0] + grid.x_m[c1 - 1]) / 2, (grid.y_m[r0] + grid.y_m[r1 - 1]) / 2,
@@ -211,8 +214,8 @@ def crop(image, grid: MapGrid, centre_xy, half_size_m) -> tuple[np.ndarray, MapG
     return image[r0:r1, c0:c1], MapGrid(centre, c1 - c0, r1 - r0, grid.spacing_m)
 
 
-def sample_image(image, grid: MapGrid, points_xy, *, aperture_centre_m,
-                 wavenumber_rad_per_m: float) -> np.ndarray:
+def sample_image(image: np.ndarray, grid: MapGrid, points_xy: ArrayLike, *,
+                 aperture_centre_m: ArrayLike, wavenumber_rad_per_m: float) -> np.ndarray:
     """Read a complex map image between its pixels, at range baseband.
 
     Parameters
@@ -254,13 +257,14 @@ def sample_image(image, grid: MapGrid, points_xy, *, aperture_centre_m,
     return sample_baseband(baseband, grid, points_xy)
 
 
-def sample_baseband(baseband, grid: MapGrid, points_xy) -> np.ndarray:
+def sample_baseband(baseband: np.ndarray, grid: MapGrid, points_xy: np.ndarray) -> np.ndarray:
     """Interpolate a baseband image at (..., 2) positions."""
     rows, columns = grid.to_pixels(points_xy[..., 0], points_xy[..., 1])
     return interpolate_image(baseband, rows.ravel(), columns.ravel()).reshape(rows.shape)
 
 
-def project_on_plane(position_m, aperture_centre_m, plane_z_m: float) -> np.ndarray:
+def project_on_plane(position_m: ArrayLike, aperture_centre_m: ArrayLike, plane_z_m: float
+                     ) -> np.ndarray:
     """Where a scatterer off the image plane appears in the image (layover).
 
     The point of the plane at the same distance from the aperture centre in the same horizontal
@@ -288,11 +292,10 @@ def project_on_plane(position_m, aperture_centre_m, plane_z_m: float) -> np.ndar
     >>> print(f'appears {100.0 - seen[0]:.2f} m nearer')
     appears 4.61 m nearer
     """
-    position = np.asarray(position_m, float)
-    offset = position - aperture_centre_m
+    position, centre = np.asarray(position_m, float), np.asarray(aperture_centre_m, float)
+    offset = position - centre
     ground = math.hypot(offset[0], offset[1])
     # difference of squares: the plain difference of two slant ranges loses digits
     ground_squared = ground ** 2 + (position[2] - plane_z_m) * (
-        position[2] + plane_z_m - 2 * float(aperture_centre_m[2]))
-    return np.asarray(aperture_centre_m[:2], float) + offset[:2] * math.sqrt(
-        max(ground_squared, 0.0)) / ground
+        position[2] + plane_z_m - 2 * float(centre[2]))
+    return centre[:2] + offset[:2] * math.sqrt(max(ground_squared, 0.0)) / ground

@@ -20,9 +20,10 @@ import dataclasses
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
-def _difference(image, reference) -> tuple[np.ndarray, np.ndarray]:
+def _difference(image: ArrayLike, reference: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Difference image and reference in double precision."""
     image, reference = np.asarray(image), np.asarray(reference)
     if image.shape != reference.shape:
@@ -32,14 +33,14 @@ def _difference(image, reference) -> tuple[np.ndarray, np.ndarray]:
     return image.astype(wide) - reference, reference.astype(wide)
 
 
-def _energy(values) -> float:
+def _energy(values: ArrayLike) -> float:
     """Sum of squared magnitudes in double precision."""
     values = np.asarray(values)
     return float(np.sum(np.square(values.real, dtype=float))
                  + np.sum(np.square(values.imag, dtype=float)))
 
 
-def error_db(image, reference) -> float:
+def error_db(image: ArrayLike, reference: ArrayLike) -> float:
     """Error of an image: energy of its difference to a reference over that of the reference, dB.
 
     ``10 log10(sum |image - reference|^2 / sum |reference|^2)``; minus infinity when they agree.
@@ -75,7 +76,7 @@ def error_db(image, reference) -> float:
         return float(10 * np.log10(_energy(difference) / signal))
 
 
-def signal_to_distortion_db(image, reference) -> float:
+def signal_to_distortion_db(image: ArrayLike, reference: ArrayLike) -> float:
     """Signal to distortion ratio, decibels (Rosenberg & Gray, equation 20): ``-error_db``.
 
     Parameters
@@ -104,7 +105,7 @@ def signal_to_distortion_db(image, reference) -> float:
     return -error_db(image, reference)
 
 
-def mean_square_error(image, reference) -> float:
+def mean_square_error(image: ArrayLike, reference: ArrayLike) -> float:
     """Mean squared magnitude of the difference (Rosenberg & Gray, equation 21).
 
     Parameters
@@ -134,7 +135,7 @@ def mean_square_error(image, reference) -> float:
     return _energy(difference) / difference.size
 
 
-def _intensity(image) -> np.ndarray:
+def _intensity(image: ArrayLike) -> np.ndarray:
     """Squared magnitude in double precision."""
     image = np.asarray(image)
     intensity = (np.square(image.real, dtype=float) + np.square(image.imag, dtype=float))
@@ -143,7 +144,7 @@ def _intensity(image) -> np.ndarray:
     return intensity
 
 
-def entropy(image) -> float:
+def entropy(image: ArrayLike) -> float:
     """Shannon entropy of the intensity distribution, nats; lower means sharper.
 
     ``-sum p ln p`` with ``p = |f|^2 / sum |f|^2``: 0 for one bright pixel, ``ln(n_pixels)`` for
@@ -180,7 +181,7 @@ def entropy(image) -> float:
     return float(-np.sum(p * np.log(p)))
 
 
-def contrast(image) -> float:
+def contrast(image: ArrayLike) -> float:
     """Standard deviation of the intensity over its mean; higher means sharper.
 
     1 for fully developed speckle, 0 for a constant image.
@@ -270,7 +271,7 @@ class FocusFigure:
                 f'{self.entropy:.2f} (noise: {math.log(self.n_pixels) - 0.42:.2f})')
 
 
-def focus_figure(image) -> FocusFigure:
+def focus_figure(image: ArrayLike) -> FocusFigure:
     """Measure how well an image is focused.
 
     Parameters

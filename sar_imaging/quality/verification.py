@@ -11,8 +11,10 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from ..geometry.grids import Grid
@@ -69,9 +71,11 @@ class Verification:
                 f'{self.brightest_error_db:.1f} dB on the {self.n_brightest} brightest{left_out}')
 
 
-def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int = 200,
-                  fit_scale: bool = False, seed: int = 0, progress: bool = False,
-                  illumination: AntennaPattern | None = None) -> Verification:
+def measure_error(image: ArrayLike, where: Grid | ArrayLike,
+                  blocks: PulseBlock | Iterable[PulseBlock], *, n_pixels: int = 200,
+                  n_brightest: int = 200, fit_scale: bool = False, seed: int = 0,
+                  progress: bool = False, illumination: AntennaPattern | None = None
+                  ) -> Verification:
     """Estimate the error of an image from exact correlation of some of its pixels.
 
     The error of a whole image is ``10 log10(sum |img - ref|^2 / sum |ref|^2)`` over its pixels,
@@ -164,9 +168,9 @@ def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int
         values, power = factor * values, abs(factor) ** 2 * power
     left = power - _energy(values[:len(bright)])  # in all pixels but the brightest
     n_left = flat.size - len(bright)
-    bright, rest = (_Pixels(values[part], reference[part], covered[part])
+    brightest, rest = (_Pixels(values[part], reference[part], covered[part])
                     for part in (slice(0, len(bright)), slice(len(bright), None)))
-    error, expected = bright.error, bright.expected
+    error, expected = brightest.error, brightest.expected
     if rest.n_covered:
         share = n_left / len(others)
         error += share * rest.error
@@ -174,14 +178,14 @@ def measure_error(image, where, blocks, *, n_pixels: int = 200, n_brightest: int
                      * _ratio(rest.expected, rest.power) if left > 0 else share * rest.expected)
     return Verification(
         _error_db(error, expected), int(np.isin(random, chosen[covered]).sum()),
-        _error_db(bright.error, bright.expected) if bright.n_covered else math.nan,
-        bright.n_covered, float(np.isin(random, chosen[covered]).mean()))
+        _error_db(brightest.error, brightest.expected) if brightest.n_covered else math.nan,
+        brightest.n_covered, float(np.isin(random, chosen[covered]).mean()))
 
 
 class _Pixels:
     """Energies of some pixels, of those that the profiles cover unless told otherwise."""
 
-    def __init__(self, values, reference, covered):
+    def __init__(self, values: np.ndarray, reference: np.ndarray, covered: np.ndarray) -> None:
         self.n_covered = int(covered.sum())
         self.power_of_all = _energy(values)
         values, reference = values[covered], reference[covered]
@@ -189,7 +193,7 @@ class _Pixels:
         self.error = _energy(values - reference)
 
 
-def _check(image, where, n_pixels, n_brightest):
+def _check(image: np.ndarray, where: Grid | ArrayLike, n_pixels: int, n_brightest: int) -> None:
     if isinstance(where, Grid):
         expected = where.shape
     else:
@@ -205,7 +209,7 @@ def _check(image, where, n_pixels, n_brightest):
                          'one each')
 
 
-def _survey(flat, n_brightest) -> tuple[float, np.ndarray]:
+def _survey(flat: np.ndarray, n_brightest: int) -> tuple[float, np.ndarray]:
     """Energy of the whole image and indices of its brightest pixels, in bounded memory."""
     energy, indices, powers = 0.0, np.empty(0, np.intp), np.empty(0)
     for start in range(0, flat.size, _PIXELS_AT_ONCE):
@@ -223,27 +227,28 @@ def _survey(flat, n_brightest) -> tuple[float, np.ndarray]:
     return energy, indices
 
 
-def _positions(where, shape, chosen) -> np.ndarray:
+def _positions(where: Grid | ArrayLike, shape: tuple[int, ...], chosen: np.ndarray) -> np.ndarray:
     """(n, 3) float64 positions of pixels by their index in the flattened image."""
     if isinstance(where, Grid):
         return where.positions(*np.unravel_index(chosen, shape))
     return np.asarray(where, np.float64).reshape(-1, 3)[chosen]
 
 
-def _correlate(points, blocks: PulseBlock | Iterable[PulseBlock], progress,
-               illumination: AntennaPattern | None):
+def _correlate(points: np.ndarray, blocks: PulseBlock | Iterable[PulseBlock], progress: bool,
+               illumination: AntennaPattern | None) -> tuple[np.ndarray, np.ndarray]:
     """(n,) correlation at the points, summed over all blocks, and (n,) which are covered."""
     known = [blocks] if isinstance(blocks, PulseBlock) else blocks
     total = blocks.n_pulses if isinstance(blocks, PulseBlock) else None
     out, covered = np.zeros(len(points), np.complex128), np.ones(len(points), bool)
     with tqdm(total=total, desc='verification', unit='pulse', disable=not progress) as bar:
         for block in known:
-            if not block.has_positions:
+            if block.tx_m is None or block.rx_m is None:
                 raise ValueError('the block has no phase centres; correlation needs the transmit '
                                  'and receive position of every pulse and channel')
             step = max(1, _SAMPLES_AT_ONCE // max(1, block.n_channels * block.n_samples))
             for start in range(0, block.n_pulses, step):
-                part = block.select(slice(start, start + step))
+                rows = slice(start, start + step)
+                part = block.select(rows)
                 if part.compressed:
                     image, inside = correlate_profiles(part, points,
                                                        illumination=illumination)
@@ -251,19 +256,19 @@ def _correlate(points, blocks: PulseBlock | Iterable[PulseBlock], progress,
                     covered &= inside
                 else:
                     out += correlate(
-                        *band_spectrum(part), part.tx_m, part.rx_m, points,
+                        *band_spectrum(part), block.tx_m[rows], block.rx_m[rows], points,
                         propagation_speed_m_per_s=part.radar.propagation_speed_m_per_s,
-                        illumination=illumination and Illumination.of_pulses(
-                            illumination, part.pointing, part.tx_m, part.rx_m))
+                        illumination=None if illumination is None else Illumination.of_pulses(
+                            illumination, part.pointing, block.tx_m[rows], block.rx_m[rows]))
                 bar.update(part.n_pulses)
     return out, covered
 
 
-def _energy(values) -> float:
+def _energy(values: np.ndarray) -> float:
     return float(np.vdot(values, values).real)
 
 
-def _ratio(numerator, denominator):
+def _ratio(numerator: complex, denominator: complex) -> Any:
     """Quotient; 1 where the image is zero, which no factor helps."""
     return numerator / denominator if denominator else 1.0
 
