@@ -78,6 +78,7 @@ arguments = dict(
             'afbp_fusion = sar_imaging.nodes.afbp_fusion:main',
             'sar_pipeline = sar_imaging.nodes.sar_pipeline:main',
             'moving_targets = sar_imaging.nodes.moving_targets:main',
+            'localization = sar_imaging.nodes.localization:main',
             'wait_until_active = sar_imaging.tools.wait_until_active:main',
             'simulate = sar_imaging.tools.simulate:main',
             'simulate_archive = sar_imaging.tools.simulate_archive:main',

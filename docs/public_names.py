@@ -28,6 +28,7 @@ MODULES = {
         'occupancy_from_message', 'occupancy_to_message', 'quicklook_to_message'),
     'msg_conversions.navigation': (
         'attitude_from_message', 'datum_from_message', 'datum_to_message', 'fix_from_message'),
+    'msg_conversions.planar_poses': ('pose_to_message', 'transform_to_message'),
     'msg_conversions.point_cloud': ('from_message', 'to_message'),
     'msg_conversions.pulse_block': ('from_bare_cube', 'from_message', 'to_message'),
     'msg_conversions.subaperture_image': ('from_message', 'to_message'),

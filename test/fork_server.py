@@ -29,8 +29,8 @@ from numba.core.registry import cpu_target
 from sar_imaging.tools import node_processes
 
 ROOT = Path(__file__).resolve().parents[1]
-NODES = ('afbp_fusion', 'backprojection', 'moving_targets', 'pulse_buffer', 'radar_driver',
-         'range_compression', 'sar_pipeline')
+NODES = ('afbp_fusion', 'backprojection', 'localization', 'moving_targets', 'pulse_buffer',
+         'radar_driver', 'range_compression', 'sar_pipeline')
 LOADED = (*(f'sar_imaging.nodes.{name}' for name in NODES), 'sar_imaging.tools.evaluate')
 LOADED_LATER = (
     'matplotlib.figure', 'matplotlib.backends.backend_agg', 'PIL.JpegImagePlugin',

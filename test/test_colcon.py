@@ -24,6 +24,8 @@ rclpy = pytest.importorskip('rclpy')
 ROOT = pathlib.Path(__file__).parent.parent
 SOURCES = ('msg_conversions', 'sar_imaging', 'package.xml', 'setup.py', 'pyproject.toml',
            'README.md', 'LICENSE')
+NEEDY = {'radar_driver': 'parameter description_file is empty; name the description',
+         'localization': 'parameter map.folder is empty; name a folder'}
 START_TIMEOUT_S = 240  # the first start compiles kernels, and Ctrl-C waits for that
 
 
@@ -75,7 +77,8 @@ def test_tools_print_their_help(install, environment, tmp_path):
 
 def test_nodes_start_and_stop(install, environment, tmp_path):
     nodes = [name for name, module in _executables(install).items() if '.nodes.' in module]
-    nodes.remove('radar_driver')  # has no default radar, see below
+    for name in NEEDY:
+        nodes.remove(name)
     assert nodes
     processes = {name: subprocess.Popen(
         [install / 'sar_imaging/lib/sar_imaging' / name], cwd=tmp_path, env=environment,
@@ -94,12 +97,13 @@ def test_nodes_start_and_stop(install, environment, tmp_path):
             process.wait()
 
 
-def test_radar_driver_says_what_it_needs(install, environment, tmp_path):
-    run = subprocess.run([install / 'sar_imaging/lib/sar_imaging/radar_driver'], cwd=tmp_path,
+@pytest.mark.parametrize('name', NEEDY)
+def test_a_node_without_defaults_says_what_it_needs(install, environment, tmp_path, name):
+    run = subprocess.run([install / 'sar_imaging/lib/sar_imaging' / name], cwd=tmp_path,
                          env=environment, text=True, stdout=subprocess.PIPE,
                          stderr=subprocess.STDOUT, timeout=START_TIMEOUT_S)
     assert run.returncode == 1
-    assert 'parameter description_file is empty; name the description' in run.stdout
+    assert NEEDY[name] in run.stdout
     assert 'Traceback' not in run.stdout
 
 

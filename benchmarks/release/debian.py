@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 #: Python of the Ubuntu that each is released for.
 PYTHON = {'jazzy': '3.12', 'kilted': '3.12', 'lyrical': '3.14', 'rolling': '3.14'}
 NODES = ('radar_driver', 'pulse_buffer', 'range_compression', 'backprojection', 'afbp_fusion',
-         'sar_pipeline', 'moving_targets')
+         'sar_pipeline', 'moving_targets', 'localization')
 _PATIENCE_S = 300.0  # kernels may have to be compiled
 
 

@@ -29,7 +29,8 @@ COMMON = '**'
 PIPELINE = 'sar_pipeline'  # has the parameters of all nodes
 OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')  # rclpy's; `ros2 param dump`
 # Nodes with few of the parameters that the others have in common.
-_FEW_COMMON = {'radar_driver': ('queue_depth', 'autostart')}
+_FEW_COMMON = {'radar_driver': ('queue_depth', 'autostart'),
+               'localization': ('frame_id', 'stall_timeout_s', 'autostart')}
 IN_WORDS = {float: 'a number', int: 'a whole number', str: 'a text', bool: 'true or false',
             list: 'a list of numbers'}  # values of parameters
 # Those of the checker's section: default and, where there is none, its type.

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """ROS 2 nodes that turn pulses into images; they hold no mathematics.
 
-`radar_driver`, `pulse_buffer`, `range_compression`, `backprojection`, `afbp_fusion` and
-`moving_targets` are the programs, `sar_pipeline` all stages in one process. What they share is in
-`runtime` (life cycle, queues, parameters, diagnostics), `poses` (odometry and tf), `antenna` and
-`images` (grid, focus, topics).
+`radar_driver`, `pulse_buffer`, `range_compression`, `backprojection`, `afbp_fusion`,
+`moving_targets` and `localization` are the programs, `sar_pipeline` all stages in one process.
+What they share is in `runtime` (life cycle, queues, parameters, diagnostics), `poses` (odometry
+and tf), `antenna` and `images` (grid, focus, topics).
 """
 
 import os
@@ -13,7 +13,7 @@ import signal
 import sys
 
 EXECUTABLES = ('radar_driver', 'pulse_buffer', 'range_compression', 'backprojection',
-               'afbp_fusion', 'sar_pipeline', 'moving_targets')
+               'afbp_fusion', 'sar_pipeline', 'moving_targets', 'localization')
 
 
 def _end_quietly(*_) -> None:

@@ -30,6 +30,7 @@ ARGUMENTS = (
     ('autostart', '', 'false waits for a life cycle manager; as configured when left out'),
     ('use_sim_time', '', 'true takes the time from /clock; as configured when left out'),
     ('respawn', 'false', 'true starts a node again when it has died'),
+    ('map', '', 'Folder of a reference map: starts the node localization, too'),
 )
 REPLAY_ARGUMENTS = (
     ('bag', None, 'Folder of the recording'),
@@ -204,6 +205,8 @@ def _start(context, names, pipeline, replay):
         pipeline = as_bool('pipeline', arguments['pipeline'])
     ros_arguments = overrides(arguments)
     nodes = node_names(mode_of(config, arguments['mode']), pipeline=pipeline)
+    own = _localization(arguments['map'])
+    nodes = (*nodes, *own)
     respawn = as_bool('respawn', arguments['respawn'])
     replayed = _replayed(context, arguments, nodes) if replay else []
     _check(context, config, ros_arguments)
@@ -211,8 +214,16 @@ def _start(context, names, pipeline, replay):
               for name, value in profile_variable(context.environment).items()),
             *(Node(package='sar_imaging', executable=name, name=name, output='screen',
                    namespace=arguments['namespace'], parameters=[str(config)],
-                   ros_arguments=ros_arguments, respawn=respawn, respawn_delay=2.0)
+                   ros_arguments=[*ros_arguments, *own.get(name, ())], respawn=respawn,
+                   respawn_delay=2.0)
               for name in nodes), *replayed]
+
+
+def _localization(folder: str) -> dict[str, list[str]]:
+    """Node that a reference map asks for, and its ROS arguments."""
+    if not folder:
+        return {}
+    return {'localization': ['-p', f'map.folder:={Path(folder).expanduser().absolute()}']}
 
 
 def _check(context, config, ros_arguments):

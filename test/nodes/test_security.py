@@ -16,6 +16,7 @@ import rclpy
 import sar_imaging
 from sar_imaging.nodes.afbp_fusion import FusionNode
 from sar_imaging.nodes.backprojection import BackprojectionNode
+from sar_imaging.nodes.localization import LocalizationNode
 from sar_imaging.nodes.moving_targets import MovingTargetsNode
 from sar_imaging.nodes.pulse_buffer import PulseBufferNode
 from sar_imaging.nodes.range_compression import RangeCompressionNode
@@ -42,6 +43,8 @@ NODES = {PulseBufferNode: POSES,
          BackprojectionNode: [SUBAPERTURES, VOLUME, *(FOCUS | poses for poses in POSES)],
          FusionNode: [STRIP],
          MovingTargetsNode: [{'datum.source': 'fix'}],
+         LocalizationNode: [{'map.folder': 'place', 'pose.source': source}
+                            for source in ('odometry', 'pose')],
          SarPipelineNode: [POSES[0], POSES[1] | SUBAPERTURES | STRIP, POSES[2], VOLUME]}
 
 
@@ -128,6 +131,7 @@ def test_the_policy_names_exactly_what_a_node_has(policy, graph, kind):
     if any('pose.source' in values for values in NODES[kind]):
         assert TF <= wanted['subscribe']  # which only nodes with tf2_ros subscribe to
         wanted['subscribe'] -= TF
+        wanted['publish'] -= TF  # where publish_tf is true, by tf2_ros as well
     assert wanted == graph[kind.NAME]
 
 
@@ -138,7 +142,8 @@ def test_only_those_who_should_may(policy):
 
     assert who('publish', '/pulses') == {'radar_driver'}
     poses = '/odometry', '/pose', '/fix', '/imu', '/tf', '/tf_static'
-    assert who('publish', *poses) == {'localisation'}
+    assert who('publish', *poses) == {'localisation', 'localization'}
+    assert policy['localization']['publish'] & set(poses) == {'/tf'}
     assert all('request' not in allowed for name, allowed in policy.items() if name != 'operator')
     assert policy['viewer']['publish'] == {'/rosout', '/parameter_events'}
     # Between the stages nobody else may put anything in.

@@ -142,7 +142,8 @@ def test_pulses_with_positions_need_no_lever_arms(run):
 @pytest.mark.parametrize(('change', 'expected'), [
     ('frame_id: odom\n/**/backprojection:\n  ros__parameters: {frame_id: map}',
      'frame_id is not the same in all nodes: odom in pulse_buffer, range_compression, '
-     'afbp_fusion, moving_targets; map in backprojection; set it once, in the section /**'),
+     'afbp_fusion, moving_targets, localization; map in backprojection; set it once, in the '
+     'section /**'),
     (f'frame_id: odom\n    pose: {{source: odometry, frame_id: map}}\n    antenna: {{rx: {FOUR}}}',
      'pose.frame_id=map, but grid and images are in frame_id=odom: poses are not transformed')])
 def test_positions_and_grid_in_different_frames_are_refused(run, change, expected):

@@ -59,7 +59,7 @@ def started_fixture(tmp_path, monkeypatch):
     """Runs actions; returns the exit status and (name, words, profile) of what was started."""
     written = tmp_path / 'written'
     written.mkdir()
-    names = {*launching.node_names('subapertures', pipeline=False), 'sar_pipeline',
+    names = {*launching.node_names('subapertures', pipeline=False), 'sar_pipeline', 'localization',
              'check_config', 'wait_until_active', 'ros2'}
     _executables(tmp_path / 'prefix', {name: textwrap.dedent(WRITES_DOWN).format(
         python=sys.executable, folder=str(written), name=name, profile=node_processes.PROFILE)
@@ -107,6 +107,7 @@ WAYS = {
     'one process': (lambda: [include('sar_pipeline')], {'/sar_pipeline'}),
     'another mode': (lambda: [include(mode='subapertures')],
                      named('', (*NODES, 'afbp_fusion'))),
+    'a map': (lambda: [include(map='place')], named('', (*NODES, 'localization'))),
     'a group': (lambda: [GroupAction([PushRosNamespace('robot'), include()])], named('/robot')),
     'groups in groups': (lambda: [GroupAction([PushRosNamespace('robot'), GroupAction(
         [PushRosNamespace('front'), include()])])], named('/robot/front')),

@@ -74,6 +74,14 @@ def test_parameters_are_those_of_the_nodes():
     assert {'autostart', 'mode'} <= known
 
 
+def test_a_map_starts_the_node_that_reads_it(tmp_path, monkeypatch):
+    assert launching._localization('') == {}
+    monkeypatch.chdir(tmp_path)
+    assert launching._localization('out/place') == {
+        'localization': ['-p', f'map.folder:={tmp_path}/out/place']}
+    assert 'localization' in executables()
+
+
 def test_files_exist():
     for value in launching.profile_variable({}).values():
         assert pathlib.Path(value).is_file()

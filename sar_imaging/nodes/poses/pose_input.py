@@ -275,6 +275,8 @@ class PoseInput:
         Datum of the imaging frame, for poses from fixes alone.
     on_pose : callable
         Called after every pose, in the thread of the callbacks; without it they wait for `take`.
+    lost : str
+        What no poses mean.
 
     Attributes
     ----------
@@ -293,8 +295,10 @@ class PoseInput:
     """
 
     def __init__(self, parameters: Mapping[str, object], health: Health | Part,
-                 datum: FrameDatum | None, on_pose: Callable[[], None] = lambda: None):
+                 datum: FrameDatum | None, on_pose: Callable[[], None] = lambda: None,
+                 lost: str = 'pulses are dropped meanwhile'):
         self._parameters, self._health, self._on_pose = parameters, health, on_pose
+        self._lost = lost
         self._source = parameters['pose.source']
         self._poses: collections.deque = collections.deque(maxlen=CAPACITY)
         with refused('parameter '):
@@ -369,7 +373,7 @@ class PoseInput:
         elif found is not None and found[0] is not Cause.STALLED:
             text = found[1].replace('no input', f'no poses on {self.topic}')
         elif pause_s > self._parameters['stall_timeout_s']:
-            text = f'no poses on {self.topic} for {pause_s:.0f} s; pulses are dropped meanwhile'
+            text = f'no poses on {self.topic} for {pause_s:.0f} s; {self._lost}'
         self._missed = bool(text)
         self._health.cause(Cause.NO_POSES, text)
         self._health.cause(Cause.POSES_IN_OTHER_FRAME, self._explain(self._other_frame))

@@ -22,7 +22,8 @@ LINES_PER_PERIOD = 20  # log lines between two diagnostics messages; the rest is
 MEMORY = 'memory_megabytes'
 ERRORS = 'errors'  # counter of what should never happen
 REJECTION, CHANGE = 'last_rejection', 'last_change'
-_EXPLAINED = {'blocks_rejected': REJECTION, 'configuration_changes': CHANGE}  # faults by texts
+_EXPLAINED = {'blocks_rejected': REJECTION, 'images_rejected': REJECTION,
+              'configuration_changes': CHANGE}  # faults by texts
 
 
 class Cause(enum.Enum):
@@ -38,6 +39,8 @@ class Cause(enum.Enum):
     TWO_PUBLISHERS = 'the input comes from one publisher', True
     POSES_IN_OTHER_FRAME = 'the frame of the poses is right', True
     NO_POSES = 'poses go on', True
+    NO_MAP = 'the reference map is there', True
+    IMAGES_IN_OTHER_FRAME = 'the frame of the images is right', True
     CLOCKS_APART = 'the clocks of poses and pulses agree', True
     COMPILING = 'kernels are compiled', False
     PLANNING = 'the aperture is planned', False
