@@ -82,9 +82,10 @@ class PoseEdge:
         x, y = place - found.pivot_m - found.translation_m
         error = np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
         error[:2] = _rotation(heading).T @ error[:2]
+        information = np.linalg.inv(error @ found.covariance @ error.T)
         return cls(first, second, np.array([
             *(_rotation(reference[2]).T @ (place - reference[:2])), _wrapped(
-                heading - reference[2])]), np.linalg.inv(error @ found.covariance @ error.T))
+                heading - reference[2])]), (information + information.T) / 2)
 
 
 def write_g2o(path: os.PathLike[str] | str, poses: ArrayLike, edges: list[PoseEdge]) -> None:

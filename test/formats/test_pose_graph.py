@@ -107,6 +107,7 @@ def test_an_edge_of_a_registration_is_the_relative_pose_of_the_truth_and_its_err
         other = PoseEdge.of_registration(registered(moved[:2], moved[2], pivot, covariance),
                                          [reference, believed], 0, 1)
         errors.append(pose_of(np.linalg.inv(relative) @ matrix(other.relative)))
+        assert (other.information == other.information.T).all()  # or write_g2o refuses it
     # of squares of errors, three a draw, normalised by the covariance: 3, within 4 deviations of
     # sqrt(6 / 4000), and half a per cent for what the rotation is not linear
     squares = [e @ edge.information @ e for e in errors]
