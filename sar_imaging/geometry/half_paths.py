@@ -103,9 +103,9 @@ def pair_paths(tx_m: np.ndarray, rx_m: np.ndarray, line: Sequence[np.ndarray]) -
 
 def pair_lengths(tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray) -> np.ndarray:
     """(n, ...) half paths from phase centres (n, 3), each to its points (n, ..., 3), metres."""
-    between = (slice(None), *[None] * (points_m.ndim - 2))
-    centres = _distinct(tx_m, rx_m)
-    return sum(np.linalg.norm(points_m - c[between], axis=-1) for c in centres) / len(centres)
+    between, centres = (slice(None), *[None] * (points_m.ndim - 2)), _distinct(tx_m, rx_m)
+    return sum(np.sqrt(sum((points_m[..., axis] - c[:, axis][between]) ** 2 for axis in range(3)))
+               for c in centres) / len(centres)
 
 
 def _paths(centres: Sequence[np.ndarray], line: Sequence[np.ndarray]) -> list[np.ndarray]:
@@ -117,15 +117,13 @@ def _paths(centres: Sequence[np.ndarray], line: Sequence[np.ndarray]) -> list[np
     derivatives = [np.asarray(v).T for v in line[1:]]
 
     def square(i: int, j: int) -> Any:
-        return (sum(a * b for a, b in zip(derivatives[i], derivatives[j], strict=True))
-                if max(i, j) < len(derivatives) else 0.0)
+        return (_dot(derivatives[i], derivatives[j]) if max(i, j) < len(derivatives) else 0.0)
 
     total: list[np.ndarray] = []
     for centre in centres:
         offset = [x - c for x, c in zip(line[0].T, np.moveaxis(centre, -1, 0), strict=True)]
-        d = np.maximum(np.sqrt(sum(o * o for o in offset)), _NEAREST_M)
-        along: list[Any] = [sum(o * x for o, x in zip(offset, v, strict=True))
-                            for v in derivatives]
+        d = np.maximum(np.sqrt(_dot(offset, offset)), _NEAREST_M)
+        along: list[Any] = [_dot(offset, v) for v in derivatives]
         p1, p2, p3, p4 = along + [0.0] * (4 - len(along))
         d1 = p1 / d
         d2 = (square(0, 0) + p2 - d1 * d1) / d
@@ -134,6 +132,11 @@ def _paths(centres: Sequence[np.ndarray], line: Sequence[np.ndarray]) -> list[np
         found = [d, d1, d2, d3, d4]
         total = [a + b for a, b in zip(total, found, strict=True)] if total else found
     return total if len(centres) == 1 else [v / len(centres) for v in total]
+
+
+def _dot(a: Sequence[np.ndarray], b: Sequence[np.ndarray]) -> Any:
+    """Products of vectors, coordinate by coordinate; many lines have one that does not change."""
+    return sum((x * y for x, y in zip(a[1:], b[1:], strict=True) if y.any()), a[0] * b[0])
 
 
 def _distinct(tx_m: np.ndarray, rx_m: np.ndarray) -> list[Any]:
@@ -153,11 +156,10 @@ def half_paths(tx_m: np.ndarray, rx_m: np.ndarray, position: np.ndarray, *direct
         some = slice(start, start + _ROWS_IN_CACHE)
         for centre in centres:
             offset = [position[:, axis, None] - centre[some, axis] for axis in range(3)]
-            length = np.maximum(np.sqrt(sum(o ** 2 for o in offset)), _NEAREST_M)
+            length = np.maximum(np.sqrt(_dot(offset, offset)), _NEAREST_M)
             found[0, :, some] += length
             for total, direction in zip(found[1:, :, some], directions, strict=True):
-                total += sum(o * d for o, d in zip(
-                    offset, direction.T[:, :, None], strict=True)) / length
+                total += _dot(offset, direction.T[:, :, None]) / length
     if len(centres) > 1:
         found /= len(centres)
     return found.swapaxes(1, 2)

@@ -130,9 +130,11 @@ class PolarGrid:
 
         `n_range` times `n_alpha` of them, direction by direction.
         """
-        r, alpha = np.meshgrid(np.linspace(self.range_m[0], self.range_m[-1], n_range),
-                               np.linspace(self.alpha[0], self.alpha[-1], n_alpha))
-        return r.ravel(), alpha.ravel()
+        r, alpha = (np.linspace(start, start + (n - 1) * spacing, n_samples)
+                    for start, spacing, n, n_samples in (
+                        (self.range_start_m, self.range_spacing_m, self.n_range, n_range),
+                        (self.alpha_start, self.alpha_spacing, self.n_alpha, n_alpha)))
+        return np.tile(r, n_alpha), np.repeat(alpha, n_range)
 
     def points(self) -> np.ndarray:
         """(n_alpha, n_range, 3) float64 positions of all pixels, metres."""
@@ -148,7 +150,7 @@ class PolarGrid:
     def _along_and_beside(self, along: np.ndarray, beside: np.ndarray) -> np.ndarray:
         """(..., 3) vectors along the track and across it."""
         u, v = np.array([*self.track, 0.0]), np.array([*self.across, 0.0])
-        return np.multiply.outer(along, u) + np.multiply.outer(beside, v)
+        return along[..., None] * u + beside[..., None] * v
 
     def lines(self, range_m: ArrayLike, alpha: ArrayLike) -> tuple[np.ndarray, ...]:
         """Positions and their first to fourth derivative by range.

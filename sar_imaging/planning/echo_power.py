@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..geometry.illumination import AmplitudeSpread
 
 _FAINT = 1.645  # standard deviations: one scene of twenty is fainter
+_MOST_EMPTY = 16  # cells to each echo's share
 _ALIKE = 0.8  # brightness of the faintest place over the others', above which nothing is faint
 
 
@@ -74,7 +75,9 @@ def _echoes_alike(tx_m, rx_m, centre_m, sides_m, radar) -> tuple[np.ndarray, np.
     keys = [(cell[0] + i) * width + cell[1] + j for i in (0, 1) for j in (0, 1)]
     shares = np.concatenate([np.abs(1 - i - within[0]) * np.abs(1 - j - within[1])
                              for i in (0, 1) for j in (0, 1)])
-    _, number = np.unique(np.concatenate(keys), return_inverse=True)
+    number = np.concatenate(keys)
+    if number.max() > _MOST_EMPTY * len(number):  # else empty cells do no harm
+        number = np.unique(number, return_inverse=True)[1]
     count = np.bincount(number, shares)[number] * shares
     count, alone = (v.reshape(4, -1).sum(axis=0) for v in (count, shares ** 2))
     return count, alone, band

@@ -125,8 +125,12 @@ class Interpolator:
         Over the band, relative to the signal's power; `drift`, (...), is the furthest in either
         direction, samples, up to `margin`.
         """
-        return np.interp(drift, np.linspace(0, self.margin, len(self._drift_errors)),
-                         self._drift_errors)
+        errors, last = self._drift_errors, len(self._drift_errors) - 1
+        if not last:
+            return np.broadcast_to(errors[0], np.shape(drift))
+        place = np.minimum(np.multiply(drift, last / self.margin), last)
+        below = np.minimum(place.astype(np.intp), last - 1)
+        return errors.take(below) + (place - below) * np.diff(errors).take(below)
 
     @functools.cached_property
     def _drift_errors(self) -> np.ndarray:

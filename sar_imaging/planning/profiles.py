@@ -240,7 +240,9 @@ class RangeGate:
         for distance, taper in ((after + min(self.first, 0), self.n_rise),
                                 (self.n_samples - 1 - after, self.n_fall)):
             table = _end_errors(given, min(given, round(oversampling, 2)), taper)
-            error = error + np.interp(distance, np.arange(len(table)), table, left=1.0)
+            whole = np.clip(distance, 0, len(table) - 1).astype(np.intp)
+            here, after = table.take(whole), table.take(whole + 1, mode='clip')
+            error = error + np.where(distance < 0, 1.0, here + (distance - whole) * (after - here))
         return np.minimum(error, 1.0)
 
     def predictable(self, range_m, lit=True) -> np.ndarray:
@@ -456,9 +458,12 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
         return None
     middle = 0.5 * float(slope.min() + slope.max())
     pitch, asked = spacing * middle, spacing
-    slope = paths.derivatives[0][_some_echoes(paths)]
+    echoes = _some_echoes(paths)
+    slope = paths.derivatives[0][echoes]
+    lit = paths.of_illuminated(slope, echoes)
+    extremes = float(lit.min()), float(lit.max())
     longest = next((s for s in reversed(_SEGMENTS) if s >= n_line), _SEGMENTS[0])
-    errors = functools.cache(lambda together: _expansion_errors(paths, radar, together))
+    errors = functools.cache(lambda together: _expansion_errors(paths, echoes, radar, together))
     for together, phases in itertools.product(passes, range(1, _MAX_PHASES + 1)):
         n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, phases,
                                           finer=fit_spacing, periodic=periodic)
@@ -467,26 +472,30 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
         for segment in _SEGMENTS[_SEGMENTS.index(longest):]:  # the longer, the quicker
             lattice = _fitted(RangeResampling(n_padded, n_cells, phases, segment, cell / phases,
                                               spacing, None, math.inf, together),
-                              paths, slope, errors(together), radar, target_db)
-            if lattice is not None:  # more phases only cost memory
-                return lattice
+                              extremes, errors(together), radar, target_db)
+            if lattice is None:
+                continue
+            predicted = _predicted_db(lattice, _drifting_db(
+                lattice, paths, echoes, _drift(lattice, slope)), errors(together))
+            if predicted <= target_db:  # more phases only cost memory
+                return dataclasses.replace(lattice, predicted_error_db=predicted)
     return None
 
 
-def _fitted(lattice, paths, slope, errors, radar, target_db) -> RangeResampling | None:
-    """A lattice with the interpolator that it needs; None where the target is missed."""
-    drift, oversampling = _drift(lattice, slope), lattice.oversampling(radar)
-    furthest = float(paths.of_illuminated(drift, _some_echoes(paths)).max())
+def _fitted(lattice, slopes, errors, radar, target_db) -> RangeResampling | None:
+    """A lattice with the interpolator that it needs; None where the target is surely missed.
+
+    `slopes` are the least and the greatest of the paths.
+    """
+    oversampling = lattice.oversampling(radar)
+    furthest = max(_drift(lattice, slope) for slope in slopes)
     if oversampling <= _COARSEST or furthest > MOST_DRIFT:
         return None
     lattice = dataclasses.replace(lattice, interpolator=design_interpolator(
         oversampling, max(furthest, LEAST_MARGIN), degree=LINE_DEGREE))
     # With the worst drift everywhere first: most candidates need no closer look.
-    if _predicted_db(lattice, lattice.interpolator.error_db, errors) > target_db + _CLOSER_DB:
-        return None
-    predicted = _predicted_db(lattice, _drifting_db(lattice, paths, drift), errors)
-    return (dataclasses.replace(lattice, predicted_error_db=predicted) if predicted <= target_db
-            else None)
+    at_worst = _predicted_db(lattice, lattice.interpolator.error_db, errors)
+    return lattice if at_worst <= target_db + _CLOSER_DB else None
 
 
 def resampling_error_db(lattice: RangeResampling, paths: Paths, radar: RadarParameters) -> float:
@@ -498,19 +507,18 @@ def resampling_error_db(lattice: RangeResampling, paths: Paths, radar: RadarPara
     drift = _drift(lattice, paths.derivatives[0][echoes])
     if paths.of_illuminated(drift, echoes).max() > lattice.interpolator.margin + DRIFT_SLACK:
         return math.inf
-    return _predicted_db(lattice, _drifting_db(lattice, paths, drift), _expansion_errors(
-        paths, radar, lattice.echoes_per_pass))
+    return _predicted_db(lattice, _drifting_db(lattice, paths, echoes, drift), _expansion_errors(
+        paths, echoes, radar, lattice.echoes_per_pass))
 
 
 def _drift(lattice, slope) -> np.ndarray:
     """How far the pixels of some echoes drift over half a segment, lattice steps."""
-    return (np.abs(slope * lattice.spacing - lattice.cell_m)
+    return (abs(slope * lattice.spacing - lattice.cell_m)
             * (lattice.segment / 2 / lattice.step_m))
 
 
-def _drifting_db(lattice, paths, drift) -> float:
-    return 10 * math.log10(paths.mean(lattice.interpolator.error_with_drift(drift),
-                                      _some_echoes(paths)))
+def _drifting_db(lattice, paths, echoes, drift) -> float:
+    return 10 * math.log10(paths.mean(lattice.interpolator.error_with_drift(drift), echoes))
 
 
 def _predicted_db(lattice, interpolation_db, errors) -> float:
@@ -536,7 +544,7 @@ def middle_of_pass(echoes, parts, n: int, together: int = ECHOES_PER_PASS) -> np
     return start + np.minimum(stop - start, together) // 2
 
 
-def _expansion_errors(paths, radar, together: int):
+def _expansion_errors(paths, echoes, radar, together: int):
     """Rms errors over a segment of half length 1, and the powers of it that they grow with.
 
     d_n being the path's derivatives by f, -1 to 1, the envelope's place lacks d_3 f^3 / 6, the
@@ -544,7 +552,7 @@ def _expansion_errors(paths, radar, together: int):
     ``exp(j (a f + b f^2 + c f^3))`` with ``a, b, c = k d_n / n!``, its terms in f^4 and f^5, and
     its own d_4. All but the last two are economised, so that they err evenly over the segment.
     """
-    k, echoes = radar.wavenumber_rad_per_m, _some_echoes(paths)
+    k = radar.wavenumber_rad_per_m
     middle = middle_of_pass(echoes, paths.parts, len(paths.length), together)
     a, b, c, d = (k * (d[echoes] - d[middle]) / math.factorial(n + 1)
                   for n, d in enumerate(paths.derivatives))

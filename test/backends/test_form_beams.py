@@ -78,10 +78,10 @@ def test_beams_that_share_phases_err_as_predicted(seed, n_echoes, n_beams, n_bin
     longest = bins_per_run(n_bins, n_bins * cycles[1] / cycles[0])
     k = 2 * np.pi * cycles[0]
     always, grouped, shared = shared_errors(
-        between, k * slopes.T[None], k * np.broadcast_to(
-            2 * bend[:, None] / n_beams, slopes.T.shape)[None], k * uneven,
+        [between], k * slopes.T[None, None], k * np.broadcast_to(
+            2 * bend[:, None] / n_beams, slopes.T.shape)[None, None], [k * uneven],
         [n * cycles[1] / cycles[0] for n in (longest, STEP_BINS)], [group])
-    errors = np.concatenate([always, grouped[0], shared * paired])
+    errors = np.concatenate([always[0], grouped[0, 0], shared[0] * paired])
     error = np.linalg.norm(beams - wanted) / np.linalg.norm(wanted)
     # Predicted as seen after interpolation, which takes up to a third of a frequency; gains of
     # the formula are central differences of the path. Float32 phasors add -80 dB.

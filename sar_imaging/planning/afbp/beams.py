@@ -15,6 +15,7 @@ import bisect
 import dataclasses
 import functools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -64,10 +65,12 @@ class BeamGain:
         return first, np.gradient(first, self.step)
 
 
-@functools.lru_cache(maxsize=64)
-def _tables(between: BeamGain, groups: tuple[int, ...]) -> np.ndarray:
-    """(2 + G, N) tables of both derivatives, and of `_repeated` for G groups."""
-    return np.stack([*between.derivatives, *(_repeated(between, group) for group in groups)])
+@functools.lru_cache(maxsize=256)
+def _tables(between: tuple[BeamGain, ...], groups: tuple[int, ...]) -> np.ndarray:
+    """(2 + G, I N) tables of both derivatives, and of `_repeated` for G groups, of I gains."""
+    return np.concatenate([np.stack([*one.derivatives, *(_repeated(one, group)
+                                                         for group in groups)])
+                           for one in between], axis=1)
 
 
 def _repeated(between: BeamGain, group: int) -> np.ndarray:
@@ -84,8 +87,8 @@ def _repeated(between: BeamGain, group: int) -> np.ndarray:
     return np.exp(between.log_gain) * np.sqrt(power @ share / share.sum())
 
 
-def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, groups):
-    """Rms errors of what neighbouring beams, bins and echoes share.
+def shared_errors(between: Sequence[BeamGain], radians, chirp, uneven, relative, groups):
+    """Rms errors of what neighbouring beams, bins and echoes share, for I kinds of beams.
 
     From beam to beam an echo is ``exp(j phi(m))`` of frequency ``f = phi' / (2 pi)``, and is to be
     multiplied by the gain g(f). Relative to the echo, and with ``l = log g``:
@@ -104,11 +107,11 @@ def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, gr
 
     Parameters
     ----------
-    between, groups : BeamGain, sequence of G int
+    between, groups : sequence of I BeamGain, sequence of G int
         Of the beams, and numbers of beams to a group.
-    radians, chirp : (D, V, R) float64
+    radians, chirp : (I, D, V, R) float64
         In D directions of R echoes of V sub-apertures: phase from beam to beam, and how it grows.
-    uneven : float
+    uneven : (I,) array_like
         Phase from beam to beam by which echoes that share phasors are not opposite, rad.
     relative : (float, float)
         Width of a run of bins, whose gains grow alike, and of a vector of bins, over which phases
@@ -116,19 +119,21 @@ def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, gr
 
     Returns
     -------
-    always : (2,) float64
+    always : (I, 2) float64
         With any group: of frequencies that change from beam to beam, of gains over a run.
-    grouped : (G, 2) float64
+    grouped : (I, G, 2) float64
         Of gains and phases that grow over a group, and of phases that bend over it.
-    paired : (G,) float64
+    paired : (I, G) float64
         Of echoes that share phasors with opposite ones.
     """
     frequency = radians / (2 * math.pi)
-    place = np.minimum(np.abs(frequency) * (1 / between.step), _POINTS - 1)
+    steps = np.array([one.step for one in between])[:, None, None, None]
+    place = np.minimum(np.abs(frequency) * (1 / steps), _POINTS - 1)
     below = np.minimum(place.astype(np.intp), _POINTS - 2)
-    table = _tables(between, tuple(groups))
-    found = table[:, below]
-    found += (place - below) * (table[:, below + 1] - found)
+    share, table = place - below, _tables(tuple(between), tuple(groups))
+    below += _POINTS * np.arange(len(between))[:, None, None, None]
+    found = table.take(below, axis=1)
+    found += share * (table.take(below + 1, axis=1) - found)
     first, second, grown = found[0], found[1], found[2:]
     # The kernel takes frequencies as held; gains run straight through two Gaussian points.
     always = [(second + first ** 2) * chirp / (8 * math.pi ** 2),
@@ -138,9 +143,10 @@ def shared_errors(between: BeamGain, radians, chirp, uneven: float, relative, gr
     beside = np.sqrt((squared - 1) / 12)  # rms distance from the middle of a group
     squares = np.sqrt((squared - 1) * np.maximum(squared - 4, 0) / 180)
     n = len(grown)
-    rms = rms_of_echoes(np.concatenate([always, rising * grown, chirp / 2 * grown, grown]))
-    return (rms[:2], np.stack([rms[2:2 + n] * beside, rms[2 + n:2 + 2 * n] * squares], axis=1),
-            rms[2 + 2 * n:] * uneven * beside)
+    rms = rms_of_echoes(np.concatenate([always, rising * grown, chirp / 2 * grown, grown])).T
+    return (rms[:, :2], np.stack([rms[:, 2:2 + n] * beside, rms[:, 2 + n:2 + 2 * n] * squares],
+                                 axis=2),
+            rms[:, 2 + 2 * n:] * np.reshape(uneven, (-1, 1)) * beside)
 
 
 def rms_of_echoes(errors) -> np.ndarray:
@@ -284,7 +290,8 @@ class BeamGeometry:
         across = np.sqrt(np.maximum(range_m ** 2 - along ** 2 - height ** 2, 0.0))
         # beyond the plane's horizon points lie further away than they are taken to
         beyond = along ** 2 + across ** 2 + height ** 2 - range_m ** 2
-        offset = np.concatenate([tx_m, rx_m], axis=-2) - self.centre_m[..., None, :]
+        both = tx_m if tx_m is rx_m else np.concatenate([tx_m, rx_m], axis=-2)
+        offset = both - self.centre_m[..., None, :]
         square = np.einsum('...rk,...rk->...r', offset, offset) + 2 * height * offset[..., 2]
         to_track, beside = ((offset[..., :2] @ np.array(axis))[..., None, :]
                             for axis in (self.polar.track, self.polar.across))
@@ -299,7 +306,7 @@ class BeamGeometry:
             found.append(-(far * to_track + turned[..., None] * beside) / distance)
             found.append((-bent[..., None] * beside - found[1] ** 2) / distance)
         n = tx_m.shape[-2]
-        return [0.5 * (v[..., :n] + v[..., n:]) for v in found]
+        return found if both is tx_m else [0.5 * (v[..., :n] + v[..., n:]) for v in found]
 
     def uneven(self, tx_m, rx_m) -> float:
         """`unevenness` of echoes."""
@@ -326,7 +333,7 @@ def unevenness(slope: np.ndarray) -> float:
 
 def grid_edges(polar: PolarGrid) -> np.ndarray:
     """(S, 3) float64 positions along the near and the far edge of a grid, metres."""
-    return polar.lines(*polar.sampled(2, _SAMPLES_PER_SIDE))[0]
+    return polar.at(*polar.sampled(2, _SAMPLES_PER_SIDE))
 
 
 CELL_TAPS = 8  # neighbours along range
@@ -343,6 +350,7 @@ _SPREAD_STEP = 1.02  # factors between one spread that is planned for and the ne
 SLACK = 1.1  # sub-apertures that were not looked at may be as much worse
 # Of all that a bend may leave: 1.3 times a lower bound is left at least (measured)
 _BEND_SHARE = 0.65
+_ROUNDED = 1 + 1e-9  # what rounding may add to a lower bound
 _LEAST_UNEVEN = 1e-4  # wavelengths, which matters to no image
 _ARITHMETIC_DB = -80.0  # float32 phasors that turn from bin to bin (measured)
 
@@ -558,32 +566,45 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
              + seen.phase_error ** 2
              + 10 ** (total_db(along.error_db, _ARITHMETIC_DB) / 10))
 
-    @functools.cache
-    def errors_db(i: int) -> list[float]:
-        """With an oversampling, as the costs are arranged."""
-        between, spacing = _between(i), spacings[i]
+    def errors(some, views=slice(None), groups=_GROUPS) -> np.ndarray:
+        """Of some oversamplings and groups, arranged as the costs are; of some views a bound."""
+        between, spacing = [_between(i) for i in some], spacings[some][:, None, None, None]
         always, grouped, shared = shared_errors(
-            between, spacing * slope, spacing * (spacing * curvature), spacing * (k * uneven),
-            relative, _GROUPS)
-        error = (
-            10 ** (between.interpolator.error_db / 10) + always @ always
-            + (grouped ** 2).sum(axis=1)[:, None, None]
-            + np.array([[1.0], [0.0]]) * shared[:, None, None] ** 2
-            + fixed + _read_straight(drifts[1] / spacing, _OVERSAMPLING[i]) ** 2)
-        return (10 * np.log10(error)).ravel().tolist()
+            between, spacing * slope[:, views], spacing * (spacing * curvature[:, views]),
+            spacings[some] * (k * uneven), relative, groups)
+        read = _read_straight(drifts[1] / spacing[..., 0],
+                              np.array(_OVERSAMPLING)[some, None, None])
+        return (np.array([10 ** (one.interpolator.error_db / 10) + rms @ rms
+                          for one, rms in zip(between, always, strict=True)])[:, None, None, None]
+                + (grouped ** 2).sum(axis=2)[..., None, None]
+                + np.array([[1.0], [0.0]]) * shared[..., None, None] ** 2
+                + fixed + read[:, None] ** 2)
 
-    # What misses at best is not oversampled enough; interpolation alone tells most of that.
-    useful = [i for i in range(len(_OVERSAMPLING))
-              if _between(i).interpolator.error_db <= target_db]
-    least = bisect.bisect_left(useful, True, key=lambda i: min(errors_db(i)) <= target_db)
-    useful, each = set(useful[least:]), cost[0].size
-    for place in np.argsort(cost, axis=None, kind='stable').tolist():
-        i, choice = divmod(place, each)
-        if i in useful and errors_db(i)[choice] <= target_db:
-            group, alone, segment = np.unravel_index(choice, cost.shape[1:])
+    @functools.cache
+    def errors_db(i: int, group: int) -> np.ndarray:
+        return 10 * np.log10(errors([i], groups=[_GROUPS[group]])[0, 0])
+
+    # What misses at best is not oversampled enough; interpolation alone tells most of that, and
+    # the view that reaches furthest most of the rest.
+    useful = np.array([i for i in range(len(_OVERSAMPLING))
+                       if _between(i).interpolator.error_db <= target_db])
+    if not len(useful):
+        return None
+    furthest = int(np.abs(slope).max(axis=(0, 2)).argmax())
+    hopeful = errors(useful, slice(furthest, furthest + 1)) <= _ROUNDED * 10 ** (target_db / 10)
+    least = bisect.bisect_left(range(len(useful)), True, key=lambda n: any(
+        errors_db(useful[n], group).min() <= target_db
+        for group in reversed(range(len(_GROUPS))) if hopeful[n, group].any()))
+    hopeful[:least] = False
+    places = np.flatnonzero(hopeful)
+    for place in places[np.argsort(cost[useful].ravel()[places], kind='stable')]:
+        n, group, alone, segment = np.unravel_index(place, hopeful.shape)
+        i = int(useful[n])
+        error_db = float(errors_db(i, group)[alone, segment])
+        if error_db <= target_db:
             return BeamSampling(widest, float(spacings[i]), _GROUPS[group],
                                 0.0 if alone else SLACK * uneven, int(segments[segment]),
-                                _between(i), along, errors_db(i)[choice])
+                                _between(i), along, error_db)
     return None
 
 
@@ -629,24 +650,29 @@ def _seen_from_middles(polar: PolarGrid, subapertures, radar: RadarParameters) -
     some = [np.linspace(0, len(tx) - 1, _ECHOES).round().astype(int) for tx, _ in subapertures]
     tx, rx = (np.stack([one[end][np.concatenate([i, len(one[end]) - 1 - i])]  # opposite ones, too
                         for i, one in zip(some, subapertures, strict=True)]) for end in (0, 1))
+    if np.array_equal(tx, rx):
+        rx = tx
     lines = polar.lines(*polar.sampled(*2 * (_SAMPLES_PER_SIDE,)))
     middle, along = sample_paths(centre, centre, lines), np.array([*polar.track, 0.0])
     length, by_range = middle.length, middle.derivatives
     direction = (lines[0] - centre[:, None]) @ along / length
     first = (lines[1] @ along - direction * by_range[0]) / length
     second = (lines[2] @ along - 2 * first * by_range[0] - direction * by_range[1]) / length
-    path, slope, _ = beams.expansion(tx, rx, direction)
+    n = direction.shape[-1]
+    path, slope, curvature = beams.expansion(tx, rx, np.concatenate(
+        [direction, np.linspace(*beams.direction, 3, axis=-1)], axis=-1))
+    path, slope, at_places = path[:, :n], slope[:, n:], slope[:, :n]
     # What paths by direction alone miss; interpolation between beams makes good, to first order,
     # that they bend.
     k = radar.wavenumber_rad_per_m
     nearer = (1 - direction ** 2) * (1 / length - 1 / beams.range_m[:, None]) / 2
-    bend = slope ** 2 * nearer[..., None]
+    bend = at_places ** 2 * nearer[..., None]
     whole = pair_lengths(*(c.reshape(-1, 3) for c in (tx, rx)), lines[0][None])
     missed = (whole.reshape(*tx.shape[:2], -1).swapaxes(1, 2) - length[..., None] - path - bend)
     error = (k * np.abs(missed) + (k * bend) ** 2 / 2
              + k * np.abs(bend) * (radar.bandwidth_hz / radar.carrier_hz / math.sqrt(12)))
-    _, slope, curvature = beams.expansion(tx, rx, np.linspace(*beams.direction, 3, axis=-1))
     return _Views(beams, (tx, rx), float(rms_of_echoes(error.swapaxes(0, 1))),
-                  unevenness(slope[:, [0, -1]]), slope.swapaxes(0, 1), curvature.swapaxes(0, 1),
+                  unevenness(slope[:, [0, -1]]), slope.swapaxes(0, 1),
+                  curvature[:, n:].swapaxes(0, 1),
                   ((float(by_range[0].min()), float(by_range[0].max())), *(
                       float(np.abs(d).max()) for d in (by_range[1], by_range[3], first, second))))

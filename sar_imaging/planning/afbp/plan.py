@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Mapping
 
@@ -27,6 +28,7 @@ _LEAST_DB, _MOST_DB = -90.0, -20.0  # targets
 # Times as long as exact backprojection point by point: steep and wide apertures fill so wide a
 # band along range that a sub-aperture image has hundreds of times as many pixels as the map
 _MOST_TIMES = 30.0
+_map_pixels = functools.lru_cache(maxsize=8)(some_pixels)  # the map stays, the aperture moves
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -81,7 +83,8 @@ class AfbpPlan(Plan):
         errors = plan.errors_db
         if cover is not None:
             errors |= {'polar to map': cover.resampling_db, 'ends of profiles': cover.profile_db}
-        pixels, illumination = some_pixels(grid), plan.lit and plan.lit.illumination
+        pixels = _map_pixels(grid) if isinstance(grid, MapGrid) else some_pixels(grid)
+        illumination = plan.lit and plan.lit.illumination
         start, stop = covered_ranges(plan.given, plan.n_samples)
         # phase histories repeat
         within = plan.source.periodic or start <= plan.range_m[0] <= plan.range_m[1] <= stop

@@ -248,8 +248,8 @@ def cut_pulses(pieces, length: int) -> list[slice]:
     """
     cuts = []
     for start, stop in pieces:
-        edges = np.linspace(start, stop, math.ceil((stop - start) / length) + 1)
-        edges = edges.round().astype(int).tolist()
+        n = math.ceil((stop - start) / length)
+        edges = [round(start + i * ((stop - start) / n)) for i in range(n)] + [stop]
         cuts += map(slice, edges[:-1], edges[1:])
     return cuts
 
@@ -360,10 +360,10 @@ class SamplingSearch:
 
     def _try(self, cut: int, oversampling: int, guard: int) -> Sampling | None:
         """One of them, None where it misses the target."""
-        one, polar = self._cuts[cut], self._polar
-        sizes = _sizes(polar, self._ratio, one.furthest_m, one.half, _OVERSAMPLING[oversampling],
-                       _GUARDS[guard])
-        if sizes.beta < self._flattest[cut] or not _on_plane(sizes):
+        one = self._cuts[cut]
+        sizes = _sizes(self._polar, self._ratio, one.furthest_m, one.half,
+                       _OVERSAMPLING[oversampling], _GUARDS[guard], self._flattest[cut])
+        if sizes is None or not _on_plane(sizes):
             return None
         found = one.sampling(sizes, self._coverage)
         error_db = 10 * math.log10(fusion_error(found, self._bands, *self._echoes(cut)) + 1e-16)
@@ -411,7 +411,8 @@ def _cost(cuts: list[_Cut], polar: PolarGrid, ratio, first_stage: SubapertureCos
         'fine_pixel': n_coarse * spacing / polar.alpha_spacing * n_range})
 
 
-def _sizes(polar, ratio, furthest, half, oversampling, n_guard) -> FusionSizes:
+def _sizes(polar, ratio, furthest, half, oversampling, n_guard, flattest) -> FusionSizes | None:
+    """Sizes of the grids of one choice; None where the taper's shape is below the `flattest`."""
     wanted = polar.n_alpha * polar.alpha_spacing
     spacing = min(math.pi / (half * oversampling), wanted)
     least = wanted + (2 * n_guard + 1) * spacing
@@ -423,12 +424,14 @@ def _sizes(polar, ratio, furthest, half, oversampling, n_guard) -> FusionSizes:
     # what rounding to fast lengths leaves over widens the guards
     # in steps, as the shape of the taper: tables of errors are kept
     guard = math.floor(4 * (n_coarse - wanted / spacing)) / 8
+    beta = math.floor(8 * taper_shape(guard, math.pi / (half * spacing))) / 8
+    if beta < flattest:
+        return None
     least = max(_LEAST_RANGE_GUARD,
                 math.ceil(n_guard * spacing * furthest / polar.range_spacing_m))
     range_guard = max(least, min(usual_guard(polar.n_range),
                                  ranges_before(polar, (extent - wanted) / 2 + spacing)))
     n_range = row_length(math.ceil((polar.n_range + 2 * range_guard) / ratio[1]), ratio)
-    beta = math.floor(8 * taper_shape(guard, math.pi / (half * spacing))) / 8
     return FusionSizes(polar, n_coarse, n_fine, guard, beta, ratio[0] * n_range,
                        ratio[1] * n_range)
 
@@ -473,13 +476,26 @@ def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centr
     slope = _to_guards(bands.slope[echoes], centre_m, 0.5 * guard)
     low, high = bands.wavenumber
     wavenumber = low + (high - low) * (np.arange(_WAVENUMBERS) + 0.5) / _WAVENUMBERS
-    bins = wavenumber[:, None, None] * bands.growth[echoes] * (s.extent / (2 * math.pi))
-    # from the bin that the band's middle is rounded to, as in the fusion
-    even, per_radian = bins * slope - np.rint(bins * np.reshape(centre_m, (-1, 1))), (
-        s.extent / (2 * math.pi))
-    frequency = spread_frequencies(even, bands.spread.rms * per_radian)
-    by_echo = aliasing_error(s.n_coarse, s.n_guard, s.beta, frequency, bands.position,
-                             coverage.along_alpha).mean(axis=0)
+    per_radian, growth = s.extent / (2 * math.pi), bands.growth[echoes]
+
+    def even_at(places) -> np.ndarray:
+        """Frequencies at some places, from the bin that the band's middle is rounded to."""
+        bins = wavenumber[:, None, None] * growth[:, places] * per_radian
+        return bins * slope[:, places] - np.rint(bins * np.reshape(centre_m, (-1, 1)))
+
+    def frequencies(even) -> np.ndarray:
+        return spread_frequencies(even, bands.spread.rms * per_radian)
+
+    even = functools.cache(lambda: even_at(slice(None)))
+    # errors are told by the outermost places, unless others may leave the band
+    furthest = (high * growth.max() * per_radian * float(
+        np.abs(slope - np.reshape(centre_m, (-1, 1))).max()) + 1)
+    outer = np.flatnonzero((bands.position == 0) | (bands.position == 1))
+    if bands.spread.rms or furthest > s.n_coarse / 2:
+        outer = np.arange(len(bands.position))
+    by_echo = aliasing_error(
+        s.n_coarse, s.n_guard, s.beta, frequencies(even_at(outer)), bands.position[outer],
+        coverage.along_alpha).mean(axis=0)
     # Along range the same happens over a length that grows with the distance from the centre.
     away = np.broadcast_to(np.abs(np.ravel(centre_m)), len(slope))
     furthest = max(float(np.abs(sampling.centre).max()), float(away.max()), 1e-9)
@@ -494,12 +510,13 @@ def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centr
             continue
         n = int(s.polar.n_range / shift + 2 * n_guard) + 2
         by_echo[some] += aliasing_error(
-            n, n_guard, s.beta, frequency[:, some] * (n / s.n_coarse),
+            n, n_guard, s.beta, frequencies(even())[:, some] * (n / s.n_coarse),
             density=coverage.along_range).mean()
     error = float((weight @ by_echo / weight.sum(axis=1)).max())
     # What amplitudes have beyond the coarse grid's frequencies is missing, and appears elsewhere.
-    error += tail_error(bands.spread, even / per_radian,
-                        lambda f: 2.0 * (np.abs(f) > s.n_coarse / 2 / per_radian), echoes)
+    if bands.spread.rms:
+        error += tail_error(bands.spread, even() / per_radian,
+                            lambda f: 2.0 * (np.abs(f) > s.n_coarse / 2 / per_radian), echoes)
     error += correction_error(coverage, s.n_fine, s.n_guard * s.n_fine / s.n_coarse, s.beta)
     return error * (1 + _CHANCE / math.sqrt(2 * sampling.n_even))
 
@@ -941,7 +958,7 @@ def _bounds(polar: PolarGrid, tx_m, rx_m) -> tuple[float, float]:
     """Smallest and largest half path to a grid along whose lines they grow, metres."""
     step = max(1, tx_m[..., 0].size // _ROWS_FOR_PATHS)
     length = half_paths(*(c.reshape(-1, 3)[::step] for c in (tx_m, rx_m)),
-                        polar.lines(*polar.sampled(2, _SAMPLES_PER_EDGE))[0])[0]
+                        polar.at(*polar.sampled(2, _SAMPLES_PER_EDGE)))[0]
     near, far = length[:, ::2], length[:, 1::2]
     # what echoes and directions between the samples may add
     slack = [sum(np.abs(np.diff(edge, axis=axis)).max(initial=0.0) for axis in (0, 1))
