@@ -455,8 +455,7 @@ def _aperture(source: Source, name: str, recording: str, job: Job, output: Path,
     pulses = DividedPulses(radar, n_samples, tx_m, rx_m, raw, source.illumination, looks)
     division = divide_aperture(job, pulses, window)
     scale = brightness_scale(job, pulses, window)
-    middle = window.grid(job.spacing_m, job.height_m).centre_m
-    warnings += _drop_warning(job, middle)
+    warnings += _drop_warning(job, window.grid(job.spacing_m, job.height_m).centre_m)
     centres = f'{SCANS}/{name}.npz'
     _write_centres(output / centres, source, tx_m, rx_m,
                    antenna_arrays(source.illumination, looks) | scale_arrays(scale))
@@ -467,7 +466,6 @@ def _aperture(source: Source, name: str, recording: str, job: Job, output: Path,
         first_ns=int(source.stamp_ns.min()), last_ns=int(source.stamp_ns.max()), datum=own,
         footprint_m=tuple(map(tuple, corners.tolist())), window=window,
         centre_m=tuple(coverage.centres_m.mean(axis=(0, 1)).tolist()),
-        range_m=float(np.median(np.linalg.norm(coverage.centres_m - middle, axis=-1))),
         reads_bytes=source.n_bytes, division=division, centres=centres,
         warnings=tuple(warnings), radiometry=scale and scale.radiometry)
 

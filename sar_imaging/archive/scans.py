@@ -173,8 +173,6 @@ class ApertureScan:
         Pixels of its image, on the map's lattice.
     centre_m : (3,) floats
         Mean phase centre in the map's frame, metres.
-    range_m : float
-        Median distance of the window's middle from the phase centres, metres.
     reads_bytes : int
         Bytes of its samples on disk.
     division : Division
@@ -204,7 +202,6 @@ class ApertureScan:
     footprint_m: tuple[tuple[float, float], ...]
     window: Window
     centre_m: tuple[float, float, float]
-    range_m: float
     reads_bytes: int
     division: Division
     centres: str

@@ -202,14 +202,8 @@ class Autofocus:
         parameters, residual = self._finish(block, model, found.parameters, points)
         answers.append(self._answer(PARAMETERS, found.n_visible, block, parameters,
                                     model(parameters)))
-        few = [answer for answer in answers if answer.n_unknowns <= FEW_UNKNOWNS]
-        usable = answers if residual.coherence >= self._least_coherence else few or answers
-        if curve is not None:  # bright points may lead to another maximum
-            near = [a for a in usable if abs(a.parameters[model.names.index(OFFSET)]
-                                             - model.start[model.names.index(OFFSET)])
-                    <= curve.step_s]
-            usable = near or answers[:1]
-        best = max(usable, key=lambda answer: answer.contrast)
+        best = max(self._usable(answers, residual, model, curve),
+                   key=lambda answer: answer.contrast)
         apart = disagreement_rad(block, model, best.parameters,
                                  points[:max(self._n_points // 2, 2)])
         details = {'curve': curve, 'n_points': len(points), 'coherence': residual.coherence,
@@ -220,17 +214,32 @@ class Autofocus:
             geometry = along_sight(model(parameters), residual.half_path_m, self.grid.centre_m)
             phased = self._answer(PHASES, self._n_phases, block, parameters, geometry)
             known[PHASES] = residual.error_db
-            # As sharp with well-known phases is better: they hold what no parameter describes.
-            # Others that sharpen a little are not worth the doubt where the parameters hold.
-            known_well = (residual.coherence >= LEAST_TO_CLAIM
-                          and residual.error_db <= self._claim_db)
-            holds = apart <= LARGEST_DISAGREEMENT_RAD
-            needed = (1 - self._margin if known_well else
-                      CLEARLY if holds else 1 + self._margin)
-            if (phased.contrast > needed * best.contrast
-                    and residual.coherence >= self._least_coherence):
+            if self._are_better(phased, best, residual, apart):
                 best = phased
         return self._decide(block, image, model, best, known[best.kind], details)
+
+    def _usable(self, answers, residual: Residual, model, curve) -> list[_Answer]:
+        """Answers of parameters that may be believed: of few, where the points hardly agree."""
+        few = [answer for answer in answers if answer.n_unknowns <= FEW_UNKNOWNS]
+        usable = answers if residual.coherence >= self._least_coherence else few or answers
+        if curve is None:
+            return usable
+        offset = model.names.index(OFFSET)  # bright points may lead to another maximum
+        return [a for a in usable if abs(a.parameters[offset] - model.start[offset])
+                <= curve.step_s] or answers[:1]
+
+    def _are_better(self, phased: _Answer, best: _Answer, residual: Residual, apart: float
+                    ) -> bool:
+        """Whether residual phases are better than parameters alone.
+
+        As sharp with well-known phases is better: they hold what no parameter describes. Others
+        that sharpen a little are not worth the doubt where the parameters hold.
+        """
+        known_well = residual.coherence >= LEAST_TO_CLAIM and residual.error_db <= self._claim_db
+        holds = apart <= LARGEST_DISAGREEMENT_RAD
+        needed = 1 - self._margin if known_well else CLEARLY if holds else 1 + self._margin
+        return (phased.contrast > needed * best.contrast
+                and residual.coherence >= self._least_coherence)
 
     def _try_offsets(self, block, model) -> tuple[GeometryModel, OffsetCurve | None]:
         """The model begun where the curve of all offsets says, and the curve if it is of use."""

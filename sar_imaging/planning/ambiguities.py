@@ -48,12 +48,7 @@ def azimuth_warnings(points_m, tx_m, rx_m, radar: RadarParameters,
     """
     tx_m, rx_m = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
     centre_m = 0.5 * (tx_m + rx_m)
-    away = centre_m - centre_m.mean(axis=0)
-    track = np.linalg.eigh(away.T @ away)[1][:, -1]
-    along = away @ track
-    some = np.unique(np.rint(along / (_SAME * radar.wavelength_m)), return_index=True)[1]
-    first = max(0, (len(some) - _ECHOES) // 2)
-    some = some[first:first + _ECHOES]
+    track, along, some = _middle_of_track(centre_m, radar)
     if len(some) < _LEAST_ECHOES:
         return ()
     origin = centre_m[some].mean(axis=0)
@@ -65,13 +60,7 @@ def azimuth_warnings(points_m, tx_m, rx_m, radar: RadarParameters,
     if np.linalg.norm(across) < _LEAST_ACROSS:
         return ()
     across /= np.linalg.norm(across)
-    seen = points_m - origin
-    away = np.linalg.norm(seen, axis=-1)
-    direction, near = seen @ across / away, np.sort(away)[len(away) * _RANKS // _RANGES]
-    last = np.full(_RANGES, -np.inf)
-    ranges = np.searchsorted(near, away)
-    np.maximum.at(last, ranges, direction)
-    left = last[ranges] - direction  # how far the scene goes on in a pixel's direction
+    left = _rest_of_scene(points_m - origin, across)
     width = min(float(left.max()), 1.9)
     cell = radar.wavelength_m / 2 / np.ptp((centre_m[some] - origin) @ across)
     apart = np.arange(1, min(width * _STEPS / cell, _MOST_STEPS)) * (cell / _STEPS)
@@ -95,14 +84,8 @@ def azimuth_warnings(points_m, tx_m, rx_m, radar: RadarParameters,
         own = np.sqrt((weight * seen ** 2).sum(axis=0) * (weight * there ** 2).sum(axis=0))
         weight = weight * seen * there
     level, n_cells = _ghosts(_apart(ends, *centres), weight, radar)
-    level /= np.maximum(own, 1e-30)
-    lobes = np.flatnonzero((level[1:-1] >= level[:-2]) & (level[1:-1] > level[2:])
-                           & (level[1:-1] > _GHOST)) + 1
-    if not len(lobes):
-        return ()
-    place = lobes[level[lobes].argmax()]
-    level_db = 20 * math.log10(level[place]) - 10 * math.log10(n_cells[place])
-    share = np.mean(left > apart[place])
+    place, level_db = _brightest(level / np.maximum(own, 1e-30), n_cells)
+    share = 0.0 if place is None else np.mean(left > apart[place])
     if level_db < _LEAST_DB or share < _LEAST_SHARE:
         return ()
     return (f'scatterers are ambiguous: each has a ghost {apart[place] * range_m:.3g} m away '
@@ -110,6 +93,43 @@ def azimuth_warnings(points_m, tx_m, rx_m, radar: RadarParameters,
             f'{share:.0%} of the pixels to either side; the antenna may not light both (tell its '
             f'pattern), else send pulses every {radar.shortest_wavelength_m / (2 * width):.2g} m '
             'or less, or image a narrower grid',)
+
+
+def _middle_of_track(centre_m, radar) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Direction of a track, (3,), places of all echoes along it, metres, and some in its middle.
+
+    Of echoes at one place one stands for all.
+    """
+    away = centre_m - centre_m.mean(axis=0)
+    track = np.linalg.eigh(away.T @ away)[1][:, -1]
+    along = away @ track
+    some = np.unique(np.rint(along / (_SAME * radar.wavelength_m)), return_index=True)[1]
+    first = max(0, (len(some) - _ECHOES) // 2)
+    return track, along, some[first:first + _ECHOES]
+
+
+def _rest_of_scene(seen_m, across) -> np.ndarray:
+    """(S,) how far a scene goes on along the track beyond each of its places, at its range.
+
+    Sines of directions, seen from the track; `across`, (3,), is the track's part that is
+    perpendicular to the look.
+    """
+    away = np.linalg.norm(seen_m, axis=-1)
+    direction, near = seen_m @ across / away, np.sort(away)[len(away) * _RANKS // _RANGES]
+    last = np.full(_RANGES, -np.inf)
+    ranges = np.searchsorted(near, away)
+    np.maximum.at(last, ranges, direction)
+    return last[ranges] - direction
+
+
+def _brightest(level, n_cells) -> tuple[int | None, float]:
+    """Place of the brightest ghost and its level, dB, spread over cells; none of faint ones."""
+    lobes = np.flatnonzero((level[1:-1] >= level[:-2]) & (level[1:-1] > level[2:])
+                           & (level[1:-1] > _GHOST)) + 1
+    if not len(lobes):
+        return None, -math.inf
+    place = lobes[level[lobes].argmax()]
+    return place, 20 * math.log10(level[place]) - 10 * math.log10(n_cells[place])
 
 
 def _apart(ends, tx_m, rx_m) -> np.ndarray:

@@ -60,15 +60,14 @@ def read_radar(section: Section, n_samples: int) -> tuple[RadarParameters, bool]
         return radar, compressed
 
 
-def _either(section: Section, keys: Sequence[str], default: float | None = None
-            ) -> tuple[str, float]:
+def _either(section: Section, keys: Sequence[str]) -> tuple[str, float]:
     """The key that is given, and its number."""
     given = [key for key in keys if key in section]
     if len(given) > 1:
         raise section.error(given[1], f'not both {" and ".join(given)}', 'leave one out')
-    if not given and default is None:
+    if not given:
         section.raw(keys[0], meaning=f'either it or {" or ".join(keys[1:])}')
-    return (given[0], section.number(given[0])) if given else (keys[0], default)
+    return given[0], section.number(given[0])
 
 
 def _sampling(section: Section, speed: float) -> tuple[float, float]:

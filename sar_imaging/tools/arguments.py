@@ -14,9 +14,9 @@ from sar_imaging.memory import available_bytes
 from sar_imaging.recordings import SourceError
 
 
-def add_pulses(parser: argparse.ArgumentParser, name: str = 'file') -> None:
+def add_pulses(parser: argparse.ArgumentParser) -> None:
     """What `open_pulses` opens."""
-    parser.add_argument(name, type=Path,
+    parser.add_argument('file', type=Path,
                         help='folder of a recording (rosbag2), CPHD file, or description of '
                              'arrays in YAML')
 

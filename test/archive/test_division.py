@@ -61,7 +61,7 @@ def _scan(name, window, *, windows=None, pulses=((0, 100),), recording=None, fir
         kind='recording', radar=RADAR, n_pulses=100, n_channels=1, n_samples=50, compressed=True,
         first_ns=first_ns, last_ns=first_ns + 1, datum=JOB.datum,
         footprint_m=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), window=window, centre_m=centre_m,
-        range_m=700.0, reads_bytes=40_000, division=division, centres=f'scans/{name}.npz')
+        reads_bytes=40_000, division=division, centres=f'scans/{name}.npz')
 
 
 def _divide(job, scans, free_bytes=1e15):

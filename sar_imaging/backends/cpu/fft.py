@@ -344,27 +344,9 @@ _GROUPS = 1024 // GROUP_BYTES  # of columns together: longer runs of memory
 class RowPlan(NamedTuple):
     """How a row of some length is transformed."""
 
-    height: int
-    width: int
-    columns: ColumnTransform
-    lines: ColumnTransform
-    twiddles: np.ndarray  # between the two: groups of lines, each (width, 2, LANES) float32
-
-    @property
-    def work_samples(self) -> int:
-        """Complex samples of work space."""
-        return self._panel + self.height * _pitch(self.width)
-
-    @property
-    def arguments(self) -> tuple[int, ...]:
-        """What `transform_row` wants, good as long as the plan is kept."""
-        return (compiled_passes(), self._panel * SAMPLE_BYTES, self.height, self.width,
-                _pitch(self.width) * SAMPLE_BYTES, *self.columns.addresses,
-                *self.lines.addresses, self.twiddles.ctypes.data)
-
-    @property
-    def _panel(self) -> int:
-        return LANES * max(self.height * (_GROUPS + 1), self.width)
+    arguments: tuple[int, ...]  # what `transform_row` wants, good as long as the plan is kept
+    work_samples: int  # of work space, complex
+    tables: tuple[ColumnTransform, ColumnTransform, np.ndarray]  # `arguments` has their addresses
 
 
 def transform_rows(data: np.ndarray, *, inverse: bool = False) -> None:
@@ -399,11 +381,6 @@ def transform_rows(data: np.ndarray, *, inverse: bool = False) -> None:
                       work.ctypes.data, work.strides[0], plan.arguments)
 
 
-def _pitch(width: int) -> int:
-    """Samples from a line of the work space to the next: vectors begin alike in each."""
-    return -(-width // BLOCK) * BLOCK
-
-
 def plan_row(n: int, inverse: bool) -> RowPlan | None:
     """For rows of a length; None where SciPy is to transform."""
     return _plan_row(n, inverse) if own_transforms() else None
@@ -415,15 +392,20 @@ def _plan_row(n: int, inverse: bool) -> RowPlan | None:
     if shape is None:
         return None
     height, width = shape
+    pitch = -(-width // BLOCK) * BLOCK  # of lines of the work space: vectors begin alike in each
     columns = plan_passes(height, inverse, width * SAMPLE_BYTES, (_GROUPS + 1) * GROUP_BYTES,
-                          _pitch(width) * SAMPLE_BYTES, False)
+                          pitch * SAMPLE_BYTES, False)
     lines = plan_passes(width, inverse, GROUP_BYTES, GROUP_BYTES, height * SAMPLE_BYTES, False)
     first = np.minimum(np.arange(0, height, LANES), height - LANES)
     line = (first[:, None] + np.arange(LANES))[:, None]
     twiddle = np.exp((2j if inverse else -2j) * np.pi / n * (line * lines.first[:, None] % n))
+    # between columns and lines: groups of lines, each (width, 2, LANES)
     twiddles = aligned_empty((len(first), width, 2, LANES), np.float32)
     twiddles[:, :, 0], twiddles[:, :, 1] = twiddle.real, twiddle.imag
-    return RowPlan(height, width, columns, lines, twiddles)
+    panel = LANES * max(height * (_GROUPS + 1), width)
+    return RowPlan((compiled_passes(), panel * SAMPLE_BYTES, height, width, pitch * SAMPLE_BYTES,
+                    *columns.addresses, *lines.addresses, twiddles.ctypes.data),
+                   panel + height * pitch, (columns, lines, twiddles))
 
 
 @njit(parallel=True, fastmath=DETERMINISTIC)
