@@ -9,6 +9,7 @@ more than predicted is allowed 3 dB: scenes of few scatterers are not evenly bri
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numba
 import numpy as np
@@ -90,11 +91,24 @@ class Near:
 
     def error_db(self, image):
         """Error of random pixels over the power of the image, dB."""
-        number = np.random.default_rng(2).integers(0, SIDE ** 2, 400)
-        wanted = correlate_spectra(self.cycles_per_m, self.spectra[:, None], self.tx[:, None],
-                                   self.rx[:, None], self.grid.points().reshape(-1, 3)[number])
+        number, wanted = self.correlated
         return 10 * np.log10(np.mean(np.abs(image.ravel()[number] - wanted) ** 2)
                              / np.mean(np.abs(image) ** 2))
+
+    @functools.cached_property
+    def correlated(self):
+        """Numbers of random pixels, and their values."""
+        number = np.random.default_rng(2).integers(0, SIDE ** 2, 400)
+        return number, correlate_spectra(
+            self.cycles_per_m, self.spectra[:, None], self.tx[:, None], self.rx[:, None],
+            self.grid.points().reshape(-1, 3)[number])
+
+
+@functools.cache
+def beside(kind):
+    """Profiles from a track of 2 m, 8 m beside the map's middle."""
+    tx = track(kind, 2.0, 8.0, 1.5)
+    return Near(tx, tx, MapGrid((0.0, 0.0, 0.0), SIDE, SIDE, 0.05))
 
 
 KINDS = 'straight', 'curved', 'climbing', 'squinted', 'retracing', 'stopping', 'perturbed'
@@ -103,8 +117,7 @@ KINDS = 'straight', 'curved', 'climbing', 'squinted', 'retracing', 'stopping', '
 @pytest.mark.parametrize('target_db', [-80.0, -60.0, -45.0])
 @pytest.mark.parametrize('kind', [kind for kind in KINDS if kind != 'stopping'])
 def test_near_images_err_as_predicted(kind, target_db):
-    tx = track(kind, 2.0, 8.0, 1.5)
-    near = Near(tx, tx, MapGrid((0.0, 0.0, 0.0), SIDE, SIDE, 0.05))
+    near = beside(kind)
     plan = near.plan(target_db)
     assert plan.method == 'groups' and plan.predicted_error_db <= target_db
     assert near.error_db(near.image(plan)) <= plan.predicted_error_db + ALLOWED_DB
@@ -142,8 +155,7 @@ def test_any_near_image_errs_as_predicted(kind, range_m, height, length, heading
 
 def test_platforms_that_stand_still_are_left_to_other_routes():
     """Their echoes add up, and so do errors of parts: some were 19 dB more than predicted."""
-    tx = track('stopping', 2.0, 8.0, 1.5)
-    assert Near(tx, tx, MapGrid((0.0, 0.0, 0.0), SIDE, SIDE, 0.05)).plan(-60.0).method == 'points'
+    assert beside('stopping').plan(-60.0).method == 'points'
 
 
 def test_what_lies_beside_the_antenna_is_imaged_point_by_point():
@@ -164,8 +176,8 @@ def test_what_lies_beside_the_antenna_is_imaged_point_by_point():
 
 def test_a_moving_window_is_planned_from_the_last_one(monkeypatch):
     """Its groups are as many as before, unless they take another time: then they are sought."""
-    tx = track('straight', 2.0, 8.0, 1.5)
-    near = Near(tx, tx, MapGrid((0.0, 0.0, 0.0), SIDE, SIDE, 0.05))
+    near = beside('straight')
+    tx = near.tx
 
     def plan(centres, before=None):
         range_m = GridLines(near.grid, centres, centres).range_m
@@ -184,8 +196,7 @@ def test_a_moving_window_is_planned_from_the_last_one(monkeypatch):
 
 
 def test_threads_and_pieces_make_no_difference(monkeypatch):
-    tx = track('curved', 2.0, 8.0, 1.5)
-    near = Near(tx, tx, MapGrid((0.0, 0.0, 0.0), SIDE, SIDE, 0.05))
+    near = beside('curved')
     plan = near.plan(-60.0)
     image, threads = near.image(plan), numba.get_num_threads()
     try:
