@@ -5,6 +5,7 @@
 A node loads rclpy, SciPy and Numba for a second, and the tests start hundreds. A server process
 loads them once; each node is a fork of it and a process like any other: with its own number,
 environment, session and log, its own participant of DDS, ended by signals, by itself or by force.
+It finds the kernels loaded that any process has compiled so far.
 Nodes whose environment tells the libraries something else are started as users start them.
 """
 
@@ -24,7 +25,11 @@ import tempfile
 import types
 from pathlib import Path
 
+from numba.core import config
+from numba.core.caching import FunctionCache
+from numba.core.dispatcher import Dispatcher
 from numba.core.registry import cpu_target
+from numba.np.ufunc import parallel
 
 from sar_imaging.tools import node_processes
 
@@ -146,7 +151,48 @@ class Fork:
 
 # --------------------------------------------------------------------------- in the server
 
-def serve(address):
+class Kernels:
+    """Machine code for the forks, each of which would load it from the cache for half a second."""
+
+    def __init__(self):
+        values = (value for name, module in sys.modules.items() if name.startswith('sar_imaging.')
+                  for value in vars(module).values())
+        self._kernels = {value for value in values if isinstance(value, Dispatcher)
+                         and isinstance(value._cache, FunctionCache)}
+        self._read_ns, self._n_threads = {}, parallel.NUM_THREADS
+        if importlib.util.find_spec('numba.np.ufunc.omppool') is None:
+            self._kernels.clear()
+            return
+        # Parallel loops are linked with OpenMP; threads that it started here no fork would have.
+        config.THREADING_LAYER, parallel.NUM_THREADS = 'omp', 0
+        parallel._launch_threads()
+
+    def load(self):
+        """Load what some process has compiled since the last time."""
+        for kernel in self._kernels:
+            with contextlib.suppress(FileNotFoundError):  # nothing yet, or not all of it
+                written_ns = os.stat(kernel._cache._cache_file._index_path).st_mtime_ns
+                if self._read_ns.get(kernel) != written_ns:
+                    self._load(kernel)
+                    self._read_ns[kernel] = written_ns
+                    gc.freeze()  # what lies here for good is not looked through, and copied, there
+
+    @staticmethod
+    def _load(kernel):
+        files = kernel._cache._cache_file
+        for key, name in files._load_index().items():
+            if key == kernel._cache._index_key(key[0], kernel.targetctx.codegen()):
+                os.stat(files._data_path(name))
+                Dispatcher.compile.__wrapped__(kernel, key[0])  # waits for no other process
+
+    def start_threads(self):
+        """Let parallel loops have threads, in a fork."""
+        if self._kernels:
+            parallel.NUM_THREADS, parallel._is_initialized = self._n_threads, False
+            parallel._launch_threads()
+
+
+def serve(address, kernels):
     """Fork until the tests end; returns in the fork, with the module to run, and at the end."""
     woken, wake = socket.socketpair()
     for end in woken, wake:
@@ -172,6 +218,7 @@ def serve(address):
             if listener in ready:
                 client, _ = listener.accept()
                 request, files = receive(client)
+                kernels.load()
                 pid = os.fork()
                 if pid == 0:
                     break
@@ -181,6 +228,7 @@ def serve(address):
                 clients[pid] = client
     for connection in (woken, wake, listener, client, *clients.values()):
         connection.close()
+    kernels.start_threads()
     return become(request, files)
 
 
@@ -228,5 +276,5 @@ if __name__ == '__main__':
     cpu_target.target_context.refresh()
     Forks(sys.argv[1]).take_over()  # for nodes that a fork starts
     gc.freeze()  # the forks need not look through it
-    if (module := serve(sys.argv[1])) is not None:
+    if (module := serve(sys.argv[1], Kernels())) is not None:
         runpy.run_module(module, run_name='__main__', alter_sys=True)
