@@ -8,6 +8,7 @@ Run from the repository root::
     python -m benchmarks.autofocus_flights --widths   # straight legs, each searched with 4 widths
     python -m benchmarks.autofocus_flights --out-of-reach   # the right offset cannot be tried
     python -m benchmarks.autofocus_flights --rails ../shared/data    # measured ones, likewise
+    python -m benchmarks.autofocus_flights --tracks   # the corrected track and its covariance
 
 Flights of `benchmarks.support.drone_flights`, UWB and FMCW in turn, hovering, turning
 and on straight legs, with the poses' clock wrong by 0.03 to 2 s. Autofocus is told to expect 1, 3,
@@ -34,12 +35,21 @@ import pathlib
 import time
 
 import numpy as np
+from scipy import stats
 from tqdm import tqdm
 
-from benchmarks.support.drone_flights import MOTIONS, RADARS, DroneFlight, drone_flight
-from sar_imaging.autofocus.models import Geometry
+from benchmarks.support.drone_flights import (
+    MOTIONS,
+    POSE_NOISE_M,
+    RADARS,
+    DroneFlight,
+    drone_flight,
+)
+from sar_imaging.autofocus.corrected_track import corrected_track
+from sar_imaging.autofocus.live import BEYOND, live_autofocus
+from sar_imaging.autofocus.models import OFFSET, Geometry
 from sar_imaging.autofocus.offset_search import BEYOND_S, visible_phase
-from sar_imaging.autofocus.track import PhaseCentreTrack
+from sar_imaging.autofocus.track import PhaseCentreTrack, on_track
 from sar_imaging.nodes import backprojection
 from sar_imaging.nodes.images.autofocus import ImageFocus
 from sar_imaging.nodes.runtime.stage import COMMON_PARAMETERS
@@ -56,6 +66,7 @@ RAILS = (('team5_rail', 'bwsi2019_team5_rail'), ('team6_rail_fitted', 'bwsi2019_
 RAIL_OFFSETS_S = (0.1, -0.25, -0.8, 2.0)
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'autofocus_flights.json'
 WIDTH_RESULTS = RESULTS.with_name('autofocus_widths.json')
+TRACK_RESULTS = RESULTS.with_name('autofocus_tracks.json')
 OUT_OF_REACH_RESULTS = RESULTS.with_name('autofocus_out_of_reach.json')
 RAIL_RESULTS = RESULTS.with_name('autofocus_rails.json')
 OUT_OF_REACH_S, TOO_NARROW_S = 3.9, 1.0  # 3.25 s are tried of it
@@ -235,6 +246,61 @@ def measure(case: Case) -> dict:
         'cpu_s': round(cpu, 2)}
 
 
+def measure_track(case: Case) -> dict:
+    """One flight: errors of its track before and after, and what the covariance says of them."""
+    flight, poses, alignment = case.flight, case.flight.track(), case.flight.misaligned(
+        case.offset_s)
+    located, true = (locate(flight.block, poses, a) for a in (alignment, flight.alignment))
+    profiles = RangeCompressor.for_block(located)(located)
+    if 'cut' in case.disturbances:
+        profiles = cut(profiles, true, flight.grid)
+    reach_ns = round((BEYOND * case.expected_s + BEYOND_S) * 1e9)
+    track = PhaseCentreTrack.of_poses(poses, alignment, profiles.n_channels, (
+        int(profiles.stamp_ns[0]) - reach_ns, int(profiles.stamp_ns[-1]) + reach_ns))
+    began = time.process_time()
+    result = live_autofocus(flight.grid, time_offset_s=case.expected_s,
+                            track=track).process(profiles)
+    row = {'seed': case.seed, 'motion': flight.motion, 'radar': flight.radar_kind,
+           'offset_s': round(case.offset_s, 4), 'expected_s': round(case.expected_s, 3),
+           'claimed': result.report.success, 'refused': '',
+           'cpu_s': [round(time.process_time() - began, 2)]}
+    try:
+        found = corrected_track(result, on_track(profiles, track, scale_s=case.expected_s),
+                                flight.grid, position_std_m=POSE_NOISE_M)
+    except ValueError as error:
+        return row | {'refused': str(error)}
+    row['cpu_s'].append(round(time.process_time() - began - row['cpu_s'][0], 2))
+    before, after = (np.linalg.norm(p - true.tx_m[:, 0], axis=-1) for p in (
+        profiles.tx_m[:, 0], found.position_m))
+    left_s, std_s = case.offset_s + found.parameters[OFFSET], found.std[OFFSET]
+    spread = np.linalg.eigvalsh(found.covariance_m2[profiles.n_pulses // 2])
+    return row | {
+        'error_m': [float(f'{np.sqrt(np.mean(e**2)):.3g}') for e in (before, after)],
+        'left_s': float(f'{left_s:.3g}'), 'std_s': float(f'{std_s:.3g}'),
+        'nees': float(f'{(left_s / std_s)**2:.3g}'),
+        'std_m': [float(f'{np.sqrt(v):.3g}') for v in spread]}
+
+
+def summary_of_tracks(rows) -> dict:
+    """Errors of tracks and NEES, of flights whose focus is claimed and of all that are used."""
+    out = {'flights': len(rows)}
+    for name, some in (('claimed', [r for r in rows if r['claimed'] and not r['refused']]),
+                       ('used', [r for r in rows if not r['refused']])):
+        if some:
+            before, after = np.array([r['error_m'] for r in some]).T
+            nees = np.array([r['nees'] for r in some])
+            out[name] = {
+                'flights': len(some), 'error_m_median': [
+                    float(f'{np.median(e):.3g}') for e in (before, after)],
+                'left_of_error_median': float(f'{np.median(after / before):.3g}'),
+                'at_most_a_third': int(np.sum(after <= before / 3)),
+                'nees': round(float(nees.mean()), 2), 'nees_median': round(float(
+                    np.median(nees)), 2), 'beyond_99.9_percent': int(np.sum(nees > 10.83)),
+                'nees_bounds': [round(float(b), 2) for b in stats.chi2.ppf(
+                    [0.025, 0.975], len(some)) / len(some)]}
+    return out
+
+
 def summary(rows) -> dict:
     """Counts over all flights, by width, by radar, motion and disturbance."""
     def times(row):
@@ -291,6 +357,7 @@ def main() -> None:
     parser.add_argument('--widths', action='store_true', help='straight legs with all widths')
     parser.add_argument('--out-of-reach', action='store_true', help='too narrow a search')
     parser.add_argument('--rails', type=pathlib.Path, metavar='FOLDER', help='measured passes')
+    parser.add_argument('--tracks', action='store_true', help='corrected tracks, covariances')
     parser.add_argument('--output', type=pathlib.Path, help=f'instead of {RESULTS.name}')
     parser.add_argument('--go-on', action='store_true',
                         help='keep the flights in the output and measure those that lack')
@@ -299,7 +366,8 @@ def main() -> None:
     began = time.monotonic()
     output = arguments.output or (RAIL_RESULTS if arguments.rails else
                                   WIDTH_RESULTS if arguments.widths else
-                                  OUT_OF_REACH_RESULTS if arguments.out_of_reach else RESULTS)
+                                  OUT_OF_REACH_RESULTS if arguments.out_of_reach else
+                                  TRACK_RESULTS if arguments.tracks else RESULTS)
     results = {'machine': machine(), 'summary': {}, 'flights': []}
     if arguments.go_on:
         results = json.loads(output.read_text())
@@ -313,8 +381,9 @@ def main() -> None:
         key = case.seed, case.flight.radar_kind, round(case.offset_s, 4), round(case.expected_s, 3)
         if key in known or time.monotonic() - began > 60 * arguments.minutes:
             continue
-        results['flights'].append(measure(case))
-        results['summary'] = summary(results['flights'])
+        results['flights'].append((measure_track if arguments.tracks else measure)(case))
+        results['summary'] = (summary_of_tracks if arguments.tracks else summary)(
+            results['flights'])
         output.write_text(json.dumps(results, indent=1) + '\n')
 
 

@@ -32,6 +32,7 @@ MODULES = {
     'msg_conversions.point_cloud': ('from_message', 'to_message'),
     'msg_conversions.pulse_block': ('from_bare_cube', 'from_message', 'to_message'),
     'msg_conversions.subaperture_image': ('from_message', 'to_message'),
+    'sar_imaging.autofocus.corrected_track': ('CorrectedTrack', 'corrected_track'),
     'sar_imaging.autofocus.live': ('live_autofocus',),
     'sar_imaging.autofocus.phase_gradient': ('PhaseGradient',),
     'sar_imaging.autofocus.tiles': ('Tiles', 'bright_points'),

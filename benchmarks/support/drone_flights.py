@@ -31,7 +31,7 @@ ANGLES_DEG = 5.0, 30.0  # of the aperture, seen from the scene
 MARGIN_S = 7.0  # poses before the first and after the last pulse
 CLOCK_S = 40.0  # the poses' clock minus the radar's
 _POSE_RATE_HZ = 100.0
-_POSE_NOISE_M = 3e-4
+POSE_NOISE_M = 3e-4
 _START_NS = 1_700_000_000_000_000_000
 _ARM_M = np.array([[0.12, 0.05, -0.08]])
 _HEIGHT_M = 3.0
@@ -166,7 +166,7 @@ def drone_flight(seed: int, *, motion: str | None = None, radar_kind: str | None
                        np.arange(len(time_s)), samples)
     pose_s = np.arange(-MARGIN_S, duration_s + MARGIN_S, 1 / _POSE_RATE_HZ)
     position, attitude = track(pose_s)
-    position = position + _POSE_NOISE_M * rng.standard_normal(position.shape)
+    position = position + POSE_NOISE_M * rng.standard_normal(position.shape)
     stamp_ns = _START_NS + np.rint((pose_s + CLOCK_S) * 1e9).astype(np.int64)
     return DroneFlight(motion, radar_kind, angle_deg, block, stamp_ns, position,
                        attitude.as_quat(), Alignment(_ARM_M, _ARM_M, CLOCK_S), grid)

@@ -3,6 +3,7 @@
 """Autofocus: estimate motion and phase errors from the image itself.
 
 - `autofocus`: estimates errors, images again, accepts only sharper images (`report`);
+- `corrected_track`: the track that the image tells, with covariances;
 - `evidence`: whether to use an answer, and to claim it;
 - `models`, `track`: geometries with unknown parameters;
 - `search`, `residual`: estimates of the parameters; `offset_search`, `offset_curve`: of an

@@ -139,13 +139,13 @@ def search(block: PulseBlock, model: GeometryModel, points, parameters=None, *,
     while g >= 1:
         n_sub = min(block.n_pulses, max(_FEWEST_SUBAPERTURES, _SUBAPERTURES_PER_SEGMENT * g))
         tiles = Tiles(block, model(parameters), points, n_sub, g)
-        basis, hidden = _visible(tiles, model, parameters)
+        basis, hidden = visible(tiles, model, parameters)
         n_visible = max(n_visible, basis.shape[1])
         if basis.shape[1]:
             parameters, n = _climb(tiles, model, parameters, basis)
             evaluations += n
             points = _recentred(tiles, tiles.half_path_change(model(parameters)))
-            uncertainty = hidden
+            uncertainty = np.linalg.norm(hidden, axis=1)
             _logger.debug('autofocus: %d segments, %d unknowns, %s', g, basis.shape[1],
                           parameters)
         g //= 2
@@ -169,16 +169,30 @@ def _segments_needed(block, model, parameters, points) -> int:
     return g
 
 
-def _visible(tiles: Tiles, model: GeometryModel, parameters):
-    """Combinations of parameters that change the tiles by 1 rad each, and what remains hidden."""
+def visible(tiles: Tiles, model: GeometryModel, parameters) -> tuple[np.ndarray, np.ndarray]:
+    """Combinations of parameters that tiles see, and those that remain hidden.
+
+    Parameters
+    ----------
+    tiles : Tiles
+        Sub-aperture images.
+    model : GeometryModel
+        Unknowns.
+    parameters : (Q,) float64
+        Their values.
+
+    Returns
+    -------
+    (Q, V) float64, (Q, Q - V) float64
+        Combinations that change the tiles by 1 rad rms each, and others of their expected size.
+    """
     scaled = tiles.wavenumber * differentiate(tiles, model, parameters) * model.scale
     seen = detrend(scaled, tiles.segment if tiles.n_segments > 1 else None)
     normal = np.einsum('kup,kuq->pq', seen, seen) / (seen.shape[0] * seen.shape[1])
     values, vectors = np.linalg.eigh(normal)
     good = values > _SEEN_RAD ** 2
     basis = model.scale[:, None] * vectors[:, good] / np.sqrt(values[good])
-    hidden = np.linalg.norm(model.scale[:, None] * vectors[:, ~good], axis=1)
-    return basis, hidden
+    return basis, model.scale[:, None] * vectors[:, ~good]
 
 
 def _climb(tiles: Tiles, model: GeometryModel, start, basis):
