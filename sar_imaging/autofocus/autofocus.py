@@ -8,7 +8,7 @@ import dataclasses
 import logging
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -134,11 +134,10 @@ class Autofocus:
                  model: Callable[[PulseBlock], GeometryModel] | None = None,
                  imager: Callable[[PulseBlock], np.ndarray] | None = None,
                  target_db: float = -80.0, illumination: AntennaPattern | None = None,
-                 backend: str | Backend = AUTO,
-                 progress: Callable[[int, int], None] | None = None, scale_m: float = 0.05,
-                 offset_reach_s: float = 0.0, n_phases: int = N_PHASES,
+                 backend: str | Backend = AUTO, progress: Callable[[int, int], None] | None = None,
+                 scale_m: float = 0.05, offset_reach_s: float = 0.0, n_phases: int = N_PHASES,
                  least_coherence: float = LEAST_COHERENCE, n_points: int = 48,
-                 margin: float = 0.005, claim_db: float = -22.0):
+                 margin: float = 0.005, claim_db: float = -22.0) -> None:
         if n_points < FEWEST_TO_CLAIM:
             raise ValueError(f'n_points={n_points}; expected {FEWEST_TO_CLAIM} or more')
         if n_phases < 0:
@@ -155,7 +154,7 @@ class Autofocus:
         self._least_coherence = least_coherence
         self._margin, self._claim_db = margin, claim_db
 
-    def process(self, block: PulseBlock, image=None) -> AutofocusResult:
+    def process(self, block: PulseBlock, image: np.ndarray | None = None) -> AutofocusResult:
         """Estimate, correct, image again, and decide.
 
         Parameters
@@ -218,7 +217,8 @@ class Autofocus:
                 best = phased
         return self._decide(block, image, model, best, known[best.kind], details)
 
-    def _usable(self, answers, residual: Residual, model, curve) -> list[_Answer]:
+    def _usable(self, answers: list[_Answer], residual: Residual, model: GeometryModel,
+                curve: OffsetCurve | None) -> list[_Answer]:
         """Answers of parameters that may be believed: of few, where the points hardly agree."""
         few = [answer for answer in answers if answer.n_unknowns <= FEW_UNKNOWNS]
         usable = answers if residual.coherence >= self._least_coherence else few or answers
@@ -241,7 +241,8 @@ class Autofocus:
         return (phased.contrast > needed * best.contrast
                 and residual.coherence >= self._least_coherence)
 
-    def _try_offsets(self, block, model) -> tuple[GeometryModel, OffsetCurve | None]:
+    def _try_offsets(self, block: PulseBlock, model: GeometryModel
+                     ) -> tuple[GeometryModel, OffsetCurve | None]:
         """The model begun where the curve of all offsets says, and the curve if it is of use."""
         if OFFSET not in model.names:
             raise ValueError(f'offset_reach_s={self._offset_reach_s:g} needs a model with the '
@@ -259,19 +260,20 @@ class Autofocus:
             return model, None
         return narrowed(model, curve), curve
 
-    def _points(self, image, block: PulseBlock, n: int) -> np.ndarray:
+    def _points(self, image: np.ndarray, block: PulseBlock, n: int) -> np.ndarray:
         return bright_points(image, self.grid, block, max(n, 1))
 
-    def _answer(self, kind, n_unknowns, block: PulseBlock, parameters, geometry: Geometry
-                ) -> _Answer:
+    def _answer(self, kind: str, n_unknowns: int, block: PulseBlock, parameters: np.ndarray,
+                geometry: Geometry) -> _Answer:
         corrected = apply_geometry(block, geometry)
         image = self._imager(corrected)
         return _Answer(kind, n_unknowns, parameters, corrected, image,
                        contrast(image) if np.any(image) else 0.0)
 
-    def _finish(self, block, model, parameters, points) -> tuple[np.ndarray, Residual]:
+    def _finish(self, block: PulseBlock, model: GeometryModel, parameters: np.ndarray,
+                points: np.ndarray) -> tuple[np.ndarray, Residual]:
         """Parameters that also explain what grows over the scene, and what is left."""
-        def estimate():
+        def estimate() -> Residual:
             return estimate_residual(block, model(parameters), points,
                                      n_phases=self._n_phases or _PHASES_TO_JUDGE)
 
@@ -289,7 +291,8 @@ class Autofocus:
                 break
         return parameters, residual
 
-    def _error_of_parameters(self, block, residual: Residual, apart: float, curve) -> float:
+    def _error_of_parameters(self, block: PulseBlock, residual: Residual, apart: float,
+                             curve: OffsetCurve | None) -> float:
         """Estimated error of the answer without residual phases, dB.
 
         Of an offset that a whole curve tells it is what the halves of the scene leave open; of
@@ -300,8 +303,8 @@ class Autofocus:
         left = np.std(residual.half_path_m) * block.radar.wavenumber_rad_per_m
         return 20 * math.log10(math.hypot(left, residual.common_rad, residual.varying_rad) + 1e-12)
 
-    def _decide(self, block, image, model, best: _Answer, error_db: float, details
-                ) -> AutofocusResult:
+    def _decide(self, block: PulseBlock, image: np.ndarray, model: GeometryModel, best: _Answer,
+                error_db: float, details: dict[str, Any]) -> AutofocusResult:
         curve = details['curve']
         seen = self._seen(block, best.block) if curve else ...
         (before, entropy_before), (after, entropy_after) = (
@@ -350,24 +353,27 @@ class Autofocus:
             self.grid.shape, (y, x), strict=True))
         return (there if there.mean() > _FEW_SEEN else np.ones_like(there))[row][:, column]
 
-    def _displaced_only(self, block, image, curve: OffsetCurve) -> AutofocusResult:
+    def _displaced_only(self, block: PulseBlock, image: np.ndarray, curve: OffsetCurve
+                        ) -> AutofocusResult:
         return self._as_it_was(
             block, image, f'clock offsets of {curve.offset_s[0]:+.3g} to '
             f'{curve.offset_s[-1]:+.3g} s only displace this image (they change its phases by '
             f'{curve.visible_range_rad:.1f} rad): it cannot tell the offset', curve=curve,
             uncertainty={OFFSET: self._offset_reach_s})
 
-    def _as_it_was(self, block, image, reason, **details) -> AutofocusResult:
+    def _as_it_was(self, block: PulseBlock, image: np.ndarray, reason: str, **details: Any
+                   ) -> AutofocusResult:
         c, e = _measured(image)
         return self._unchanged(AutofocusReport(False, False, reason, c, c, e, e, **details),
                                block, image)
 
-    def _unchanged(self, report: AutofocusReport, block, image) -> AutofocusResult:
+    def _unchanged(self, report: AutofocusReport, block: PulseBlock, image: np.ndarray
+                   ) -> AutofocusResult:
         _logger.info('%s', report)
         return AutofocusResult(image, block, report)
 
     def _correction(self, block: PulseBlock, corrected: PulseBlock) -> float:
-        def path(pulses):
+        def path(pulses: PulseBlock) -> np.ndarray:
             return 0.5 * sum(np.linalg.norm(c.mean(axis=1) - self.grid.centre_m, axis=-1)
                              for c in (pulses.tx_m, pulses.rx_m))
 
@@ -390,7 +396,7 @@ class Autofocus:
         return image.samples
 
 
-def _measured(image) -> tuple[float, float]:
+def _measured(image: np.ndarray) -> tuple[float, float]:
     """Contrast and entropy of an image or of some of its pixels; 0 where all is dark."""
     return (contrast(image), entropy(image)) if np.any(image) else (0.0, 0.0)
 

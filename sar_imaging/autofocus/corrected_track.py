@@ -12,6 +12,7 @@ displaces the image, keep their expected size.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 
@@ -137,7 +138,8 @@ def _beyond(block: PulseBlock, geometry: Geometry) -> np.ndarray:
     return _middle(_geometry(block)) - _middle(geometry)
 
 
-def _sharpest(tiles: Tiles, model, start, basis) -> tuple[np.ndarray, np.ndarray]:
+def _sharpest(tiles: Tiles, model: GeometryModel, start: np.ndarray, basis: np.ndarray
+              ) -> tuple[np.ndarray, np.ndarray]:
     """Change (Q,) of the visible combinations to the sharpest, and its covariance (Q, Q)."""
     jacobian = differentiate(tiles, model, start) @ basis
     n_points, _, n = jacobian.shape
@@ -145,7 +147,7 @@ def _sharpest(tiles: Tiles, model, start, basis) -> tuple[np.ndarray, np.ndarray
         raise ValueError(f'{n_points} bright points do not tell {n} unknowns; expected '
                          f'{n + _SPARE_POINTS}')
 
-    def gradients(at):
+    def gradients(at: np.ndarray) -> np.ndarray:
         _, slope = sharpness(tiles, jacobian @ at)
         return n_points * np.einsum('ku,kuz->kz', slope, jacobian)
 
@@ -163,7 +165,7 @@ def _sharpest(tiles: Tiles, model, start, basis) -> tuple[np.ndarray, np.ndarray
     return change, share * inverse @ (pull.T @ pull) @ inverse
 
 
-def _curvature(gradients, at) -> np.ndarray:
+def _curvature(gradients: Callable[[np.ndarray], np.ndarray], at: np.ndarray) -> np.ndarray:
     """(Q, Q) how much the mean gradient falls."""
     steps = _STEP_RAD * np.eye(len(at))
     out = np.array([(gradients(at - s) - gradients(at + s)).mean(axis=0) for s in steps])
@@ -175,8 +177,8 @@ def _curvature(gradients, at) -> np.ndarray:
     return out
 
 
-def _track(block: PulseBlock, model, parameters, covariance, offsets, position_std_m
-           ) -> CorrectedTrack:
+def _track(block: PulseBlock, model: GeometryModel, parameters: np.ndarray, covariance: np.ndarray,
+           offsets: np.ndarray, position_std_m: float) -> CorrectedTrack:
     steps = 1e-3 * np.diag(model.scale)
     slope = np.stack([(_middle(model(parameters + s)) - _middle(model(parameters - s)))
                       / (2 * np.abs(s).sum()) for s in steps], axis=-1)

@@ -85,7 +85,8 @@ def _told(report: AutofocusReport) -> float:
     return float(np.nan_to_num(report.coherence)) * (report.n_points >= FEWEST_TO_CLAIM)
 
 
-def disagreement_rad(block: PulseBlock, model: GeometryModel, parameters, points) -> float:
+def disagreement_rad(block: PulseBlock, model: GeometryModel, parameters: np.ndarray,
+                     points: np.ndarray) -> float:
     """Rms difference of the phases that two halves of the bright points ask for, radians.
 
     Each half is searched for the sharpest parameters by itself, from the common ones on. What only

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..geometry.grids import MapGrid
@@ -18,8 +20,8 @@ BEYOND = 1.25  # what is searched for a clock offset, over its expected size
 
 
 def live_autofocus(grid: MapGrid, *, track_error_m: float = 0.0, time_offset_s: float = 0.0,
-                   range_bias_m: float = 0.0, track: PhaseCentreTrack | None = None,
-                   **options) -> Autofocus:
+                   range_bias_m: float = 0.0, track: PhaseCentreTrack | None = None, **options: Any
+                   ) -> Autofocus:
     """Autofocus for an expected error of the track, of the clock or of the range.
 
     An offset of the clocks is searched for from -1.25 to 1.25 times its expected size, as far as

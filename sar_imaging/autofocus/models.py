@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..geometry.alignment import Alignment
 from ..geometry.poses import PoseTable, PoseTrack
@@ -93,7 +94,7 @@ class GeometryModel:
     scale: np.ndarray
     function: Callable[[np.ndarray], Geometry]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, 'names', tuple(self.names))
         for name in ('start', 'scale'):
             values = np.array(getattr(self, name), np.float64).reshape(-1)
@@ -104,11 +105,12 @@ class GeometryModel:
         if (self.scale <= 0).any():
             raise ValueError(f'scale={self.scale}; expected the size of an error, above 0')
 
-    def __call__(self, parameters) -> Geometry:
+    def __call__(self, parameters: ArrayLike) -> Geometry:
         """Phase centres for (Q,) parameters."""
         return self.function(np.asarray(parameters, np.float64))
 
-    def extended(self, names, start, scale, change) -> GeometryModel:
+    def extended(self, names: Sequence[str], start: ArrayLike, scale: ArrayLike,
+                 change: Callable[[Geometry, np.ndarray], Geometry]) -> GeometryModel:
         """Model with more parameters.
 
         Parameters
@@ -161,7 +163,8 @@ def nominal(block: PulseBlock) -> GeometryModel:
 
 
 def with_track_error(model: GeometryModel, *, degree: int = 5, scale_m: float = 0.05,
-                     axes: Sequence[Sequence[float]] = np.eye(3), time_s=None) -> GeometryModel:
+                     axes: Sequence[Sequence[float]] = np.eye(3), time_s: ArrayLike | None = None
+                     ) -> GeometryModel:
     """Add an unknown smooth displacement: Legendre polynomials of the pulses' times.
 
     Parameters
@@ -204,7 +207,7 @@ def with_track_error(model: GeometryModel, *, degree: int = 5, scale_m: float = 
     u = np.interp(time_s, time_s[[0, -1]], [-1.0, 1.0])
     basis = np.polynomial.legendre.legvander(u, degree)[:, 1:]
 
-    def change(geometry, coefficients):
+    def change(geometry: Geometry, coefficients: np.ndarray) -> Geometry:
         moved = (basis @ coefficients.reshape(len(axes), degree).T @ axes)[:, None]
         return geometry._replace(tx_m=geometry.tx_m + moved, rx_m=geometry.rx_m + moved)
 
@@ -212,7 +215,7 @@ def with_track_error(model: GeometryModel, *, degree: int = 5, scale_m: float = 
     return model.extended(names, np.zeros(n), np.full(n, float(scale_m)), change)
 
 
-def with_time_offset(model: GeometryModel, time_s, *, scale_s: float) -> GeometryModel:
+def with_time_offset(model: GeometryModel, time_s: ArrayLike, *, scale_s: float) -> GeometryModel:
     """Add an unknown offset between the clocks of pulses and positions.
 
     Positions belong to the times of the pulses plus the offset. Phase centres between pulses
@@ -248,7 +251,7 @@ def with_time_offset(model: GeometryModel, time_s, *, scale_s: float) -> Geometr
 
     time_s = np.asarray(time_s, float) - float(time_s[0])
 
-    def change(geometry, offset):
+    def change(geometry: Geometry, offset: np.ndarray) -> Geometry:
         tx, rx = (CubicSpline(time_s, a)(time_s + offset[0]) for a in geometry[:2])
         return geometry._replace(tx_m=tx, rx_m=rx)
 
@@ -333,7 +336,7 @@ def within(model: GeometryModel, lowest_s: float, highest_s: float) -> GeometryM
     which = model.names.index(OFFSET)
     middle = model.start[which]
 
-    def geometry(parameters):
+    def geometry(parameters: np.ndarray) -> Geometry:
         held = np.array(parameters, np.float64)
         held[which] = np.clip(held[which], middle + lowest_s, middle + highest_s)
         return model(held)
@@ -391,7 +394,7 @@ def alignment_model(block: PulseBlock, track: PoseTrack | PoseTable, start: Alig
     nominal = dict.fromkeys(NAMES, 0.0) | {'time_offset_s': start.time_offset_s,
                                            'range_bias_m': start.range_bias_m}
 
-    def geometry(parameters):
+    def geometry(parameters: np.ndarray) -> Geometry:
         changed = aligned(start, dict(zip(names, parameters, strict=True)))
         located = locate(block, track, changed)
         return Geometry(located.tx_m, located.rx_m, changed.range_bias_m - start.range_bias_m)

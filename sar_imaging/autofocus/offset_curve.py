@@ -154,7 +154,8 @@ class Trials:
         Half of the scene that a tile belongs to, 0 or 1.
     """
 
-    def __init__(self, offset_s, visible_rad, means, half):
+    def __init__(self, offset_s: np.ndarray, visible_rad: np.ndarray, means: np.ndarray,
+                 half: np.ndarray) -> None:
         self._offset_s, self._visible_rad = offset_s, visible_rad
         reached = np.isfinite(means[:, 0, 0]).any(axis=0)
         weight = np.zeros(len(half))  # bright tiles count more, by the root of their power
@@ -171,7 +172,7 @@ class Trials:
         self._of_all = self._levels(means)
         self._means = means
 
-    def _levels(self, means) -> np.ndarray:
+    def _levels(self, means: np.ndarray) -> np.ndarray:
         """(2, 7, M) sharpness of the tiles and of all pixels, of all data and of the halves."""
         tiles = _sharpness(means[:, 0], means[:, 1])
         out = np.zeros((2, len(self._which), len(means)))
@@ -184,9 +185,9 @@ class Trials:
             out[1, row] = np.nan_to_num(whole) * n / max(some.sum(), 1)
         return out
 
-    def _gains(self, visible_rad, means) -> np.ndarray:
+    def _gains(self, visible_rad: np.ndarray, means: np.ndarray) -> np.ndarray:
         """(7, M) gain of all data and of the halves at some offsets."""
-        def over_nearby(places, levels):
+        def over_nearby(places: np.ndarray, levels: np.ndarray) -> np.ndarray:
             out = levels.copy()
             for j, place in enumerate(places):
                 away = np.abs(self._visible_rad - place)
@@ -209,8 +210,8 @@ class Trials:
         peaks = np.flatnonzero((gain >= beside[:-2]) & (gain > beside[2:]))
         return peaks[np.argsort(-gain[peaks])]
 
-    def curve(self, offset_s, visible_rad, means, *, step: Callable[[float], float],
-              visible_range_rad: float) -> OffsetCurve:
+    def curve(self, offset_s: np.ndarray, visible_rad: np.ndarray, means: np.ndarray, *,
+              step: Callable[[float], float], visible_range_rad: float) -> OffsetCurve:
         """The curve of these offsets and of finer ones.
 
         Parameters

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -80,7 +80,7 @@ class OffsetSearch:
 
     def __init__(self, block: PulseBlock, geometry: Callable[[float], Geometry], grid: MapGrid,
                  reach_s: float, backend: str | Backend = AUTO,
-                 progress: Callable[[int, int], None] | None = None):
+                 progress: Callable[[int, int], None] | None = None) -> None:
         self._geometry, self._reach_s, self._progress = geometry, reach_s, progress
         self._radar, self._block = block.radar, block
         furthest_s = reach_s + BEYOND_S
@@ -110,7 +110,7 @@ class OffsetSearch:
         return max(1, min(_LARGEST_STRIDE, self._block.n_pulses // _FEWEST_PULSES,
                           int(_PULSE_RAD / max(rad, 1e-9))))
 
-    def _sample(self, offsets) -> dict[float, Geometry]:
+    def _sample(self, offsets: np.ndarray) -> dict[float, Geometry]:
         known = {}
         for offset in offsets.tolist():
             try:
@@ -192,7 +192,7 @@ class OffsetSearch:
             out.append(means)
         return np.stack(out, axis=1)
 
-    def _try(self, offsets, n_before: int = 0) -> np.ndarray:
+    def _try(self, offsets: Sequence[float] | np.ndarray, n_before: int = 0) -> np.ndarray:
         """(N, 2, 5, T) means of tiles at some offsets."""
         out = []
         for offset in offsets:
@@ -259,7 +259,8 @@ class OffsetSearch:
             sum(self._images(self._geometry(t)))[there[self._tile]])))
 
 
-def coverage(block: PulseBlock, geometry: Geometry, points_m, pulses=slice(None)) -> np.ndarray:
+def coverage(block: PulseBlock, geometry: Geometry, points_m: np.ndarray,
+             pulses: slice | np.ndarray = slice(None)) -> np.ndarray:
     """Share of pulses whose profiles reach some points.
 
     Parameters
@@ -286,7 +287,8 @@ def coverage(block: PulseBlock, geometry: Geometry, points_m, pulses=slice(None)
     return np.mean((path >= first) & (path <= first + (block.n_samples - 1) * spacing), axis=1)
 
 
-def visible_phase(first: Geometry, second: Geometry, points, wavenumber: float) -> float:
+def visible_phase(first: Geometry, second: Geometry, points: np.ndarray, wavenumber: float
+                  ) -> float:
     """Rms difference of the phases of two geometries that an image shows, radians.
 
     What a displacement of each point in the plane or a constant phase explains is left out.

@@ -13,8 +13,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import fft
 
 from ..geometry.polar import PolarGrid
@@ -110,7 +112,7 @@ class PhaseGradient:
     """
 
     def __init__(self, polar: PolarGrid, radar: RadarParameters | UnifiedPolarGrids,
-                 aperture_m: tuple[float, float], *, margin: float = 0.005):
+                 aperture_m: tuple[float, float], *, margin: float = 0.005) -> None:
         self.polar, self.margin = polar, margin
         self._wavenumber = radar.wavenumber_rad_per_m
         self._ends = min(aperture_m), max(aperture_m)
@@ -128,7 +130,7 @@ class PhaseGradient:
         inside = (position >= self._ends[0]) & (position <= self._ends[1])
         self._bins, self.position_m = order[inside], position[inside]
 
-    def __call__(self, image) -> PhaseGradientResult:
+    def __call__(self, image: np.ndarray) -> PhaseGradientResult:
         """Estimate and correct.
 
         Parameters
@@ -158,7 +160,8 @@ class PhaseGradient:
         return PhaseGradientResult(corrected if accepted else image, accepted, before, after,
                                    self.position_m, half_path, step, error_db)
 
-    def at_baseband(self, image, between: Interpolator | None = None) -> PhaseGradientResult:
+    def at_baseband(self, image: np.ndarray, between: Interpolator | None = None
+                    ) -> PhaseGradientResult:
         """The same for an image at range baseband, as `SpectrumFusion` makes it.
 
         Parameters
@@ -183,7 +186,7 @@ class PhaseGradient:
         return dataclasses.replace(result, image=_weighted(
             self._baseband(result.image, -1), gain).astype(np.complex64))
 
-    def correct(self, image, half_path_m) -> np.ndarray:
+    def correct(self, image: np.ndarray, half_path_m: ArrayLike) -> np.ndarray:
         """Image whose half paths are changed, each position along the track by its own amount.
 
         Every range wavenumber is turned by its own phase ``(k_c + kappa) h(X)``, with X the
@@ -208,13 +211,13 @@ class PhaseGradient:
         spectrum *= np.exp(1j * np.remainder(k * change, 2 * np.pi))
         return self._baseband(fft.ifft2(spectrum), +1).astype(np.complex64)
 
-    def _baseband(self, image, sign: int) -> np.ndarray:
+    def _baseband(self, image: np.ndarray, sign: int) -> np.ndarray:
         """Image times ``exp(sign j k_c (r - r_0))``."""
         r = self.polar.range_m - self.polar.range_start_m
         cycles = np.remainder(self._wavenumber / (2 * np.pi) * r, 1.0)
         return image * np.exp(sign * 2j * np.pi * cycles)
 
-    def _widths(self):
+    def _widths(self) -> Iterator[int]:
         """Windows around the brightest pixels, lines: all first, then narrower."""
         cell = 2 * np.pi / self._wavenumber / (self._ends[1] - self._ends[0])
         least = math.ceil(_NARROWEST * cell / self.polar.alpha_spacing)
@@ -222,7 +225,7 @@ class PhaseGradient:
         for i in range(_ITERATIONS):
             yield min(n, max(least, round(n * _SHRINK ** max(0, i - _WIDE))))
 
-    def _estimate(self, image) -> tuple[np.ndarray, float]:
+    def _estimate(self, image: np.ndarray) -> tuple[np.ndarray, float]:
         """Change of the half path, metres, and rms phase of the last iteration, radians."""
         half_path, step = np.zeros(len(self.position_m)), math.inf
         work = self._baseband(image, -1)
@@ -233,14 +236,14 @@ class PhaseGradient:
             step = float(np.sqrt(np.mean(change ** 2))) * self._wavenumber
         return half_path, step
 
-    def _error_db(self, image) -> float:
+    def _error_db(self, image: np.ndarray) -> float:
         """Error of an estimate, from those of two halves of the ranges alone."""
         half = np.arange(self.polar.n_range) * _PARTS // self.polar.n_range % 2
         one, other = (self._estimate(np.where(half == h, image, 0))[0] for h in (0, 1))
         rad = self._wavenumber * float(np.sqrt(np.mean((one - other) ** 2))) / 2
         return 20 * math.log10(rad + 1e-12)
 
-    def _step(self, work, width: int) -> np.ndarray:
+    def _step(self, work: np.ndarray, width: int) -> np.ndarray:
         """Change of the half path by the phase gradient."""
         power = np.square(np.abs(work)).max(axis=0)
         bins = np.flatnonzero(power >= power.max() * 10 ** (_DARK_DB / 10))
@@ -259,12 +262,12 @@ class PhaseGradient:
         return -_without_line(phase) / self._wavenumber
 
 
-def _weighted(image, gain) -> np.ndarray:
+def _weighted(image: np.ndarray, gain: np.ndarray) -> np.ndarray:
     """Image whose frequencies along direction are multiplied by a gain."""
     return fft.ifft(fft.fft(image, axis=0) * gain[:, None], axis=0)
 
 
-def _without_line(values) -> np.ndarray:
+def _without_line(values: np.ndarray) -> np.ndarray:
     """Values less the straight line that fits them best: it only moves the image."""
     u = np.arange(len(values))
     return values - np.polyval(np.polyfit(u, values, 1), u)

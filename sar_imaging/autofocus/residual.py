@@ -14,6 +14,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.fft import dct, idct
 
 from ..signal.pulses import PulseBlock
@@ -64,7 +65,7 @@ class Residual:
         return float(20 * np.log10(np.hypot(self.common_rad, self.varying_rad) + 1e-12))
 
 
-def estimate_residual(block: PulseBlock, geometry: Geometry, points, *,
+def estimate_residual(block: PulseBlock, geometry: Geometry, points: np.ndarray, *,
                       n_phases: int = 512) -> Residual:
     """Estimate the phase that is left in the pulses, and how well it is known.
 
@@ -104,8 +105,8 @@ def estimate_residual(block: PulseBlock, geometry: Geometry, points, *,
                     float(np.quantile(coherence, 0.9)), planes)
 
 
-def absorb(residual: Residual, model: GeometryModel, parameters, points, wavenumber: float
-           ) -> np.ndarray:
+def absorb(residual: Residual, model: GeometryModel, parameters: np.ndarray, points: np.ndarray,
+           wavenumber: float) -> np.ndarray:
     """Parameters of the model that also explain the phase that grows over the scene.
 
     Parameters
@@ -125,7 +126,7 @@ def absorb(residual: Residual, model: GeometryModel, parameters, points, wavenum
     -------
     (Q,) float64
     """
-    def phases(values):
+    def phases(values: np.ndarray) -> np.ndarray:
         geometry = model(values)
         path = 0.5 * sum(np.linalg.norm(points[:, None] - c.mean(axis=1), axis=-1)
                          for c in geometry[:2])
@@ -141,7 +142,7 @@ def absorb(residual: Residual, model: GeometryModel, parameters, points, wavenum
     return parameters + model.scale * np.linalg.solve(normal, right)
 
 
-def along_sight(geometry: Geometry, half_path_m, centre_m) -> Geometry:
+def along_sight(geometry: Geometry, half_path_m: ArrayLike, centre_m: ArrayLike) -> Geometry:
     """Geometry whose half paths to a point are longer, each pulse by its own amount.
 
     Parameters
@@ -153,7 +154,7 @@ def along_sight(geometry: Geometry, half_path_m, centre_m) -> Geometry:
     centre_m : (3,) array_like
         Middle of the scene, metres.
     """
-    def moved(centres):
+    def moved(centres: np.ndarray) -> np.ndarray:
         look = centres - np.asarray(centre_m)
         look /= np.linalg.norm(look, axis=-1, keepdims=True)
         return centres + np.asarray(half_path_m)[:, None, None] * look
@@ -161,7 +162,7 @@ def along_sight(geometry: Geometry, half_path_m, centre_m) -> Geometry:
     return geometry._replace(tx_m=moved(geometry.tx_m), rx_m=moved(geometry.rx_m))
 
 
-def _contributions(tiles: Tiles, change_m, power: int = 1) -> np.ndarray:
+def _contributions(tiles: Tiles, change_m: np.ndarray, power: int = 1) -> np.ndarray:
     """(K, U) contributions to the tiles, weighted by a power of each tile's own intensity.
 
     The sum over the tiles is the correlation of each profile with the profile of the sharpened
@@ -174,7 +175,7 @@ def _contributions(tiles: Tiles, change_m, power: int = 1) -> np.ndarray:
     return tiles.correlate(change_m, weight.astype(np.complex64))[0]
 
 
-def deal(points, geometry: Geometry) -> np.ndarray:
+def deal(points: np.ndarray, geometry: Geometry) -> np.ndarray:
     """(K,) 0 or 1: halves of the tiles of different range.
 
     Echoes of points at one range overlap; only together do such tiles explain the profiles.
@@ -185,7 +186,7 @@ def deal(points, geometry: Geometry) -> np.ndarray:
     return rank * _PARTS // len(points) % 2
 
 
-def _told_from_noise(first, second) -> tuple[np.ndarray, float]:
+def _told_from_noise(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, float]:
     """Wiener filter from two estimates with independent noise; returns it and its rms error."""
     a, b = (dct(x, norm='ortho') for x in (first, second))
     box = np.ones(min(_BAND, a.size))
@@ -197,7 +198,7 @@ def _told_from_noise(first, second) -> tuple[np.ndarray, float]:
     return idct(gain * 0.5 * (a + b), norm='ortho'), float(np.sqrt(left))
 
 
-def _planes(along, points) -> np.ndarray:
+def _planes(along: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(K, 4) smooth phases that grow linearly over the scene, fitted to all tiles."""
     # The phase of a mean over a tenth of the aperture cannot wrap where a tile is focused.
     box = np.ones(max(1, along.shape[1] // 10))

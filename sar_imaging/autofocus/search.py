@@ -14,6 +14,7 @@ import dataclasses
 import logging
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..signal.pulses import PulseBlock
 from .models import GeometryModel
@@ -27,7 +28,7 @@ _FEWEST_SUBAPERTURES = 96
 _FARTHEST = 3.0  # change of a combination at one level, in expected errors
 
 
-def sharpness(tiles: Tiles, change_m) -> tuple[float, np.ndarray]:
+def sharpness(tiles: Tiles, change_m: np.ndarray) -> tuple[float, np.ndarray]:
     """Mean sharpness of the tiles and its gradient.
 
     ``S_k = sum_x I^2 / (sum_x I)^2`` with the intensity ``I = sum_g |f_g|^2`` over the coherent
@@ -55,7 +56,7 @@ def sharpness(tiles: Tiles, change_m) -> tuple[float, np.ndarray]:
     return float(np.mean(second / first ** 2)), 2 * slope.real / n
 
 
-def differentiate(tiles: Tiles, model: GeometryModel, parameters) -> np.ndarray:
+def differentiate(tiles: Tiles, model: GeometryModel, parameters: np.ndarray) -> np.ndarray:
     """(K, U, Q) derivative of the half paths by the parameters, by central differences."""
     out = []
     for q in range(len(parameters)):
@@ -66,7 +67,7 @@ def differentiate(tiles: Tiles, model: GeometryModel, parameters) -> np.ndarray:
     return np.stack(out, axis=-1)
 
 
-def detrend(change, groups=None) -> np.ndarray:
+def detrend(change: np.ndarray, groups: np.ndarray | None = None) -> np.ndarray:
     """Take from (K, U, ...) changes what no tile can see.
 
     A line over the aperture only moves a tile and turns its phase; with `groups`, (U,) int
@@ -109,8 +110,8 @@ class Estimate:
     n_visible: int
 
 
-def search(block: PulseBlock, model: GeometryModel, points, parameters=None, *,
-           first_segments: int | None = None) -> Estimate:
+def search(block: PulseBlock, model: GeometryModel, points: np.ndarray,
+           parameters: ArrayLike | None = None, *, first_segments: int | None = None) -> Estimate:
     """Find the parameters that make the tiles around some points sharpest.
 
     Parameters
@@ -152,7 +153,8 @@ def search(block: PulseBlock, model: GeometryModel, points, parameters=None, *,
     return Estimate(parameters, uncertainty, points, first_segments, evaluations, n_visible)
 
 
-def _segments_needed(block, model, parameters, points) -> int:
+def _segments_needed(block: PulseBlock, model: GeometryModel, parameters: np.ndarray,
+                     points: np.ndarray) -> int:
     """Segments short enough that errors of the expected size leave each one focused."""
     n = min(block.n_pulses, 512)
     tiles = Tiles(block, model(parameters), points[:4], n, 1)
@@ -169,7 +171,8 @@ def _segments_needed(block, model, parameters, points) -> int:
     return g
 
 
-def visible(tiles: Tiles, model: GeometryModel, parameters) -> tuple[np.ndarray, np.ndarray]:
+def visible(tiles: Tiles, model: GeometryModel, parameters: np.ndarray
+            ) -> tuple[np.ndarray, np.ndarray]:
     """Combinations of parameters that tiles see, and those that remain hidden.
 
     Parameters
@@ -195,7 +198,8 @@ def visible(tiles: Tiles, model: GeometryModel, parameters) -> tuple[np.ndarray,
     return basis, model.scale[:, None] * vectors[:, ~good]
 
 
-def _climb(tiles: Tiles, model: GeometryModel, start, basis):
+def _climb(tiles: Tiles, model: GeometryModel, start: np.ndarray, basis: np.ndarray
+           ) -> tuple[np.ndarray, int]:
     # scipy.optimize takes its time to import, which a node without autofocus need not wait for
     from scipy.optimize import minimize
 
@@ -203,7 +207,7 @@ def _climb(tiles: Tiles, model: GeometryModel, start, basis):
     jacobian = differentiate(tiles, model, start) @ basis
     coarse = tiles.n_segments > 1
 
-    def cost(z):
+    def cost(z: np.ndarray) -> tuple[float, np.ndarray]:
         parameters = start + basis @ z
         value, slope = sharpness(tiles, tiles.half_path_change(model(parameters)))
         return -value / first, -np.einsum('ku,kuz->z', slope, jacobian) / first
@@ -216,7 +220,7 @@ def _climb(tiles: Tiles, model: GeometryModel, start, basis):
     return start + basis @ found.x, found.nfev
 
 
-def _recentred(tiles: Tiles, change_m) -> np.ndarray:
+def _recentred(tiles: Tiles, change_m: np.ndarray) -> np.ndarray:
     """Centres moved to the brightest pixel of their tile, each point once."""
     power = np.square(np.abs(tiles.focus(change_m))).sum(axis=2)
     moved = [tiles.position(k, pixel) for k, pixel in enumerate(power.argmax(axis=1))]

@@ -12,12 +12,16 @@ pulses.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..compilation import njit, numba
 from ..geometry.grids import MapGrid
 from ..planning.interpolators import design_interpolator
+from ..signal import RadarParameters
 from ..signal.pulses import PulseBlock
 from .models import Geometry
 
@@ -156,8 +160,8 @@ def focus_tiles(shape, cuts, pieces_re, pieces_im, shift, turn_re, turn_im, offs
 
 
 @njit(parallel=True)
-def correlate_tiles(shape, cuts, pieces_re, pieces_im, shift, turn_re, turn_im, offset, real,
-                    imag, weight_re, weight_im, along_re, along_im, slope_re, slope_im):
+def correlate_tiles(shape, cuts, pieces_re, pieces_im, shift, turn_re, turn_im, offset, real, imag,
+                    weight_re, weight_im, along_re, along_im, slope_re, slope_im):
     """Adjoint of `focus_tiles`: what each sub-aperture contributes to weighted tiles.
 
     Parameters
@@ -249,8 +253,9 @@ class Tiles:
     ((1, 147, 1), 73)
     """
 
-    def __init__(self, block: PulseBlock, geometry: Geometry, points, n_subapertures: int,
-                 n_segments: int = 1, pixels: tuple[int, int] = PIXELS):
+    def __init__(self, block: PulseBlock, geometry: Geometry, points: ArrayLike,
+                 n_subapertures: int, n_segments: int = 1, pixels: tuple[int, int] = PIXELS
+                 ) -> None:
         radar = block.radar
         self.points = np.asarray(points, np.float64)
         self.wavenumber = radar.wavenumber_rad_per_m
@@ -274,7 +279,7 @@ class Tiles:
         """(K, U) float64 change of the half path to the tiles' centres, metres."""
         return self._half_paths(geometry) - self._start
 
-    def focus(self, change_m) -> np.ndarray:
+    def focus(self, change_m: np.ndarray) -> np.ndarray:
         """Images of the segments.
 
         Parameters
@@ -291,7 +296,7 @@ class Tiles:
         focus_tiles(*self._arguments(change_m), *out)
         return (out[0] + 1j * out[1]).reshape(shape)
 
-    def correlate(self, change_m, weight) -> tuple[np.ndarray, np.ndarray]:
+    def correlate(self, change_m: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Adjoint of `focus`: what the sub-apertures contribute to weighted tiles.
 
         Parameters
@@ -318,7 +323,7 @@ class Tiles:
         """(3,) float64 position of a pixel of tile `k`, metres."""
         return self._pixels[k, pixel]
 
-    def _arguments(self, change_m):
+    def _arguments(self, change_m: np.ndarray) -> tuple[Any, ...]:
         reach = _MARGIN * PIECES_PER_RESOLUTION  # what moves further is out of the tile
         shift = self._centre + np.clip(change_m / self._step_m, -reach, reach)
         angle = np.remainder(self.wavenumber * change_m, 2 * np.pi)
@@ -326,7 +331,7 @@ class Tiles:
                 *(a.astype(np.float32).ravel() for a in (shift, np.cos(angle), np.sin(angle))),
                 *self._planned)
 
-    def _middles(self, geometry: Geometry):
+    def _middles(self, geometry: Geometry) -> list[np.ndarray]:
         """Mean transmit and receive phase centre of each sub-aperture, (U, 3) each."""
         first = np.searchsorted(self._owner, np.arange(len(self.segment)))
         count = np.diff(first, append=len(self._owner))[:, None]
@@ -340,7 +345,8 @@ class Tiles:
             total = total + 0.5 * np.sqrt(dx * dx + dy * dy + dz * dz)
         return total + geometry.range_bias_m
 
-    def _tile(self, k: int, middles, radar, pixels) -> np.ndarray:
+    def _tile(self, k: int, middles: Sequence[np.ndarray], radar: RadarParameters,
+              pixels: tuple[int, int]) -> np.ndarray:
         """(X, 3) pixels on the horizontal plane through a point, along range and azimuth."""
         look = 0.5 * sum((self.points[k] - c) / np.linalg.norm(self.points[k] - c, axis=-1,
                                                               keepdims=True) for c in middles)
@@ -358,7 +364,7 @@ class Tiles:
         out[:, :2] += flat.reshape(-1, 2)
         return out
 
-    def _plan_pixels(self, middles):
+    def _plan_pixels(self, middles: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
         out = np.empty((3, *self._pixels.shape[:2], len(self.segment)), np.float32)
         plan_pixels(self.points, self._pixels, *middles, self.wavenumber,
                             self._step_m, *out)
@@ -385,7 +391,7 @@ _APART = 4.0  # bright points stand so many range resolutions apart
 _FAINTEST_DB = -30.0  # of a bright point, relative to the brightest
 
 
-def bright_points(image, grid: MapGrid, block: PulseBlock, n: int) -> np.ndarray:
+def bright_points(image: np.ndarray, grid: MapGrid, block: PulseBlock, n: int) -> np.ndarray:
     """Positions of the brightest pixels of an image, apart from each other.
 
     Parameters

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..geometry.alignment import Alignment
 from ..geometry.poses import PoseTable, PoseTrack
@@ -51,8 +52,9 @@ class PhaseCentreTrack:
     False
     """
 
-    def __init__(self, stamp_ns, tx_m, rx_m, piece=None, *, beyond_s: float = 0.0,
-                 channel_offset_s=(0.0,)):
+    def __init__(self, stamp_ns: ArrayLike, tx_m: np.ndarray, rx_m: np.ndarray,
+                 piece: ArrayLike | None = None, *, beyond_s: float = 0.0,
+                 channel_offset_s: ArrayLike = (0.0,)) -> None:
         # scipy.interpolate takes its time to import, a node without autofocus need not wait
         from scipy.interpolate import CubicSpline
 
@@ -71,7 +73,8 @@ class PhaseCentreTrack:
 
     @classmethod
     def of_poses(cls, poses: PoseTrack | PoseTable, alignment: Alignment, n_channels: int,
-                 span_ns: tuple[int, int], channel_offset_s=(0.0,)) -> PhaseCentreTrack:
+                 span_ns: tuple[int, int], channel_offset_s: ArrayLike = (0.0,)
+                 ) -> PhaseCentreTrack:
         """Track of a platform.
 
         Parameters
@@ -108,11 +111,11 @@ class PhaseCentreTrack:
         beyond_s = BEYOND * (stamp_ns[-1] - stamp_ns[0]) * 1e-9
         return cls(stamp_ns, tx_m, rx_m, beyond_s=beyond_s)
 
-    def covers(self, stamp_ns, offset_s: float) -> bool:
+    def covers(self, stamp_ns: ArrayLike, offset_s: float) -> bool:
         """Whether all times are known, read later by an offset."""
         return bool((self._piece_of(self._times(stamp_ns, offset_s)) >= 0).all())
 
-    def at(self, stamp_ns, offset_s: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    def at(self, stamp_ns: ArrayLike, offset_s: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Phase centres at times read later by an offset.
 
         Parameters
@@ -148,12 +151,12 @@ class PhaseCentreTrack:
                 out[there, :, channel] = centres[:, :, channel]
         return out[:, 0], out[:, 1]
 
-    def _times(self, stamp_ns, offset_s: float) -> np.ndarray:
+    def _times(self, stamp_ns: ArrayLike, offset_s: float) -> np.ndarray:
         """(T, P) seconds, of each of the channels' times."""
         time_s = (np.asarray(stamp_ns, np.int64) - self._epoch_ns) * 1e-9 + offset_s
         return time_s + self._offset_s[:, None]
 
-    def _piece_of(self, time_s) -> np.ndarray:
+    def _piece_of(self, time_s: np.ndarray) -> np.ndarray:
         """Piece that each time lies in; -1 for none."""
         out = np.full(time_s.shape, -1)
         for number, spline in enumerate(self._pieces):
@@ -179,7 +182,7 @@ def on_track(block: PulseBlock, track: PhaseCentreTrack, *, scale_s: float) -> G
     GeometryModel
         Of `time_offset_s`; it raises ValueError where the track is not known.
     """
-    def geometry(offset):
+    def geometry(offset: np.ndarray) -> Geometry:
         return Geometry(*track.at(block.stamp_ns, float(offset[0])))
 
     return GeometryModel(['time_offset_s'], [0.0], [scale_s], geometry)

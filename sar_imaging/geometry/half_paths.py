@@ -134,7 +134,7 @@ def _paths(centres: Sequence[np.ndarray], line: Sequence[np.ndarray]) -> list[np
     return total if len(centres) == 1 else [v / len(centres) for v in total]
 
 
-def _dot(a: Sequence[np.ndarray], b: Sequence[np.ndarray]) -> Any:
+def _dot(a: Sequence[np.ndarray] | np.ndarray, b: Sequence[np.ndarray] | np.ndarray) -> Any:
     """Products of vectors, coordinate by coordinate; many lines have one that does not change."""
     return sum((x * y for x, y in zip(a[1:], b[1:], strict=True) if y.any()), a[0] * b[0])
 
