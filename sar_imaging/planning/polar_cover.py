@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..geometry.grids import MapGrid
-from ..geometry.half_paths import half_paths, sample_paths
+from ..geometry.half_paths import Paths, half_paths, sample_paths
 from ..geometry.illumination import NO_SPREAD, AmplitudeSpread, Illumination
 from ..geometry.polar import EDGE_SAMPLES, PolarGrid, edge_positions
 from ..geometry.track import side_of, track_beside
@@ -132,37 +132,20 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     if found is None:
         return None
     frame, axis = found
-    r, alpha = frame.from_map(*(v.ravel() for v in np.meshgrid(
-        *(np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (grid.x_m, grid.y_m)))))
-    lines = frame.lines(r, alpha)
-    paths = sample_paths(tx_m, rx_m, lines)
-    by_direction, spread = frame.by_direction(r, alpha), NO_SPREAD
-    if illumination is not None:
-        paths = illumination.of_paths(paths, lines[0])
-        spread = illumination.spread(lines[0], by_direction)
-    slope, length = paths.derivatives[0], paths.of_illuminated(paths.length)
-    extent = float(np.ptp(length))
-    if paths.of_illuminated(slope).min() <= 0:
+    seen = _HalfPaths.of(grid, frame, axis, tx_m, rx_m, illumination)
+    if seen is None:
         return None
-    slope_alpha = half_paths(tx_m, rx_m, lines[0], by_direction)[1]
-    # along a line of the map the direction changes with range, too
-    step = (lines[0][:, axis] - frame.origin_m[axis]) / r
-    alpha_by_range = (frame.track[axis] / step - alpha) / r
-    slope_line = slope + slope_alpha * alpha_by_range
-    if paths.illuminated is not None:
-        slope_line, slope = paths.with_illuminated(slope_line), paths.with_illuminated(slope)
-        illuminated = paths.with_illuminated(slope_alpha)
-        slope_alpha = paths.of_illuminated_rows(slope_alpha)
-    else:
-        illuminated = slope_alpha
+    paths, spread = seen.paths, seen.spread
+    extent = float(np.ptp(paths.of_illuminated(paths.length)))
     ends = np.array(radar.wavenumbers_rad_per_m)
-    half_range = float(np.abs(np.multiply.outer(ends, [slope_line.min(), slope_line.max()])
-                              - radar.wavenumber_rad_per_m).max())
-    half_alpha = float(np.abs(illuminated).max() * ends[1]) + math.sqrt(3) * spread.rms
+    slopes = seen.along_line.min(), seen.along_line.max()
+    half_range = float(np.abs(np.multiply.outer(ends, slopes) - radar.wavenumber_rad_per_m).max())
+    half_alpha = float(np.abs(seen.by_alpha).max() * ends[1]) + math.sqrt(3) * spread.rms
     # of wavenumbers, some echoes and samples of the map
     some = echoes_for_means(len(tx_m))
     k = np.linspace(*ends, _WAVENUMBERS)[:, None, None]
-    even, along_range = k * illuminated[some], k * slope_line[some] - radar.wavenumber_rad_per_m
+    even = k * seen.by_alpha[some]
+    along_range = k * seen.along_line[some] - radar.wavenumber_rad_per_m
     weight = echo_powers(tx_m, rx_m, grid.centre_m, grid.spacing_m * np.array(
         [[grid.n_x, 0, 0], [0, grid.n_y, 0]]), radar)
     between, between_db = fitting_interpolator(
@@ -174,15 +157,10 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         return None
     spacing, ratio = math.pi / (half_range * along.oversampling) * 0.999, (1, 1)
     if fused:
-        spacing, ratio = _ranges_for_fusion(spacing, extent, radar, slope)
+        spacing, ratio = _ranges_for_fusion(spacing, extent, radar, seen.by_range)
     n_line = math.ceil(extent / spacing)
     spacing *= ratio[1] / ratio[0]
-    # The sampled half paths miss the extremes by what range and direction add between samples.
-    may = illumination and illumination.may_light(lines[0], (_SAMPLES_PER_SIDE,) * 2)
-    bounds = length if may is None else paths.length[may]
-    lo, hi = float(bounds.min()), float(bounds.max())
-    slack = 2 * margin(TAPS) * spacing + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
-    range_m = lo - slack, hi + slack
+    range_m = seen.ranges_m(illumination, 2 * margin(TAPS) * spacing)
     window = band or RangeGate.around(radar, n_samples, range_m)
     lattice = plan_resampling(dataclasses.replace(paths, weight=weight), spacing, n_line, radar,
                               window.n_samples, lattice_db,
@@ -197,10 +175,63 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
         tail = tail_error(spread, even, lambda f: between.error_at(
             f * (polar.alpha_spacing / (2 * math.pi))), some)
         between_db = 10 * math.log10(10 ** (between_db / 10) + tail)
+    profile_db = window.mean_end_error_db(
+        paths.length, oversampling=lattice.oversampling(radar), lit=paths.illuminated)
     return PolarCover(grid, polar, ratio, lattice, window, range_m, axis, between, along,
-                      slope_alpha, weight, between_db, along_db, window.mean_end_error_db(
-                          paths.length, oversampling=lattice.oversampling(radar),
-                          lit=paths.illuminated), spread)
+                      paths.of_illuminated_rows(seen.slope_alpha), weight, between_db, along_db,
+                      profile_db, spread)
+
+
+class _HalfPaths(NamedTuple):
+    """Half paths from echoes to samples of a map, metres, and how they grow.
+
+    Derivatives (R, S) along range, along direction, and by range along a line of the map are those
+    of illuminated pairs, which stand for all others; `slope_alpha` is that along direction as is.
+    """
+
+    points_m: np.ndarray
+    paths: Paths
+    by_range: np.ndarray
+    by_alpha: np.ndarray
+    along_line: np.ndarray
+    slope_alpha: np.ndarray
+    spread: AmplitudeSpread
+
+    @classmethod
+    def of(cls, grid: MapGrid, frame: PolarGrid, axis: int, tx_m, rx_m,
+           illumination: Illumination | None) -> _HalfPaths | None:
+        """As echoes see a map in polar coordinates; None where ranges do not grow everywhere."""
+        r, alpha = frame.from_map(*(v.ravel() for v in np.meshgrid(
+            *(np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (grid.x_m, grid.y_m)))))
+        lines = frame.lines(r, alpha)
+        paths = sample_paths(tx_m, rx_m, lines)
+        by_direction, spread = frame.by_direction(r, alpha), NO_SPREAD
+        if illumination is not None:
+            paths = illumination.of_paths(paths, lines[0])
+            spread = illumination.spread(lines[0], by_direction)
+        slope = paths.derivatives[0]
+        if paths.of_illuminated(slope).min() <= 0:
+            return None
+        slope_alpha = half_paths(tx_m, rx_m, lines[0], by_direction)[1]
+        # along a line of the map the direction changes with range, too
+        step = (lines[0][:, axis] - frame.origin_m[axis]) / r
+        alpha_by_range = (frame.track[axis] / step - alpha) / r
+        by_range, by_alpha, along_line = (paths.with_illuminated(v) for v in (
+            slope, slope_alpha, slope + slope_alpha * alpha_by_range))
+        return cls(lines[0], paths, by_range, by_alpha, along_line, slope_alpha, spread)
+
+    def ranges_m(self, illumination: Illumination | None, beyond_m: float
+                 ) -> tuple[float, float]:
+        """Least and largest half path to what is illuminated, and so far beyond, metres.
+
+        The samples miss the extremes by what range and direction add between two of them.
+        """
+        may = illumination and illumination.may_light(self.points_m, (_SAMPLES_PER_SIDE,) * 2)
+        length = (self.paths.of_illuminated(self.paths.length) if may is None
+                  else self.paths.length[may])
+        lo, hi = float(length.min()), float(length.max())
+        slack = beyond_m + 0.5 * (hi - lo) / (_SAMPLES_PER_SIDE - 1)
+        return lo - slack, hi + slack
 
 
 def _frame(grid: MapGrid, centres) -> tuple[PolarGrid, int] | None:
