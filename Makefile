@@ -24,7 +24,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test test-quick lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check matrix coverage colcon environment clean prediction-campaign simulator obstacle-campaign obstacle-shadows localization-campaign format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline benchmark-robots
+.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test test-quick lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check matrix coverage colcon environment clean prediction-campaign simulator obstacle-campaign obstacle-shadows localization-campaign localization-demo format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline benchmark-robots
 QUICK_TESTS := test/msg_conversions test/geometry test/signal test/planning test/imaging/test_goldens.py test/imaging/test_image.py test/test_package.py
 .DEFAULT_GOAL := help
 
@@ -64,6 +64,9 @@ help:
 	@echo '             obstacle maps of 300 random scenes beside the truth, 15 minutes of a core; SCENES=10 for few'
 	@echo 'make localization-campaign'
 	@echo '             images found in reference maps: simulated revisits, absent places, measured passes; 15 minutes of a core'
+	@echo 'make localization-demo'
+	@echo '             a car drives a loop of 1 km twice, the map of the first round locates it in the second;'
+	@echo '             out/localization_demo.png and .g2o, two minutes of a core'
 	@echo 'make format-campaign'
 	@echo '             10,000 damaged files for each reader of formats; every reader and every output with hostile'
 	@echo '             files and places, results in benchmarks/results; half an hour'
@@ -239,6 +242,9 @@ obstacle-campaign: environment
 # Seeds are fresh; measured data lie in ../shared/data.
 localization-campaign: environment
 	@$(RUN) -m benchmarks.localization
+
+localization-demo: environment
+	@$(RUN) -m benchmarks.localization_drive
 
 format-campaign: formats
 	@$(RUN) -m pytest -m campaign test/formats
