@@ -271,7 +271,7 @@ class LocalizationNode(ManagedNode):
             response.success, response.message = False, f'the node is {self.state}'
         else:
             self._worker.call(forget)
-            response.success, response.message = True, 'two images have to agree about the place'
+            response.success, response.message = True, 'the estimates are forgotten'
         return response
 
     def _send_transform(self) -> None:
