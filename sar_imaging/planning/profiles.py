@@ -162,6 +162,7 @@ _TAPER_SHARE, _TAPER_SHAPE = 0.3, 4.0  # of these samples: longer tapers begin t
 _TONES, _LONGEST = 8, 2048  # in the band, and samples of a table of errors
 _SERIES_SHARPNESS = math.asinh(10 ** (130 / 20)) / math.pi
 _ECHOES_FOR_MEANS, _GOLDEN = 512, (math.sqrt(5) - 1) / 2
+_ECHOES_NEAR_ENDS = 9
 _WORTHWHILE = 0.9  # longer windows are not worth a copy
 
 
@@ -284,6 +285,35 @@ class RangeGate:
         given = self.radar.sample_rate_hz / self.radar.bandwidth_hz
         return (_band_taper(n_padded, given, min(given, oversampling)) / n_padded
                 ).astype(np.float32)
+
+
+def error_near_ends_db(window: RangeGate, oversampling: float, tx_m, rx_m, points_m) -> float:
+    """Mean error because a window ends near pixels, dB; NaN where nothing can be told.
+
+    Few corners of an image make it: of a hundred pixels all over it, none or too many lie there.
+
+    Parameters
+    ----------
+    window, oversampling :
+        As of `RangeGate.end_error`.
+    tx_m, rx_m : (R, 3) float64
+        Phase centres, metres.
+    points_m : (S, 3) float64
+        Thousands of positions all over the image, metres.
+    """
+    some = np.linspace(0, len(tx_m) - 1, min(len(tx_m), _ECHOES_NEAR_ENDS)).round().astype(int)
+    length = half_paths(tx_m[some], rx_m[some], points_m)[0]
+    return mean_db(window.end_error(length, oversampling),
+                   window.predictable(length).all(axis=0))
+
+
+def end_warnings(error_db: float, target_db: float) -> tuple[str, ...]:
+    """Say that profiles end so near the pixels that an image misses its target."""
+    if not error_db > target_db:
+        return ()
+    return (f'the profiles end so near the pixels that the image errs by {error_db:.1f} dB, '
+            f'{target_db:.0f} dB were asked for: at the edge, and the more the brighter it is '
+            'there; keep more samples, or make the grid smaller',)
 
 
 def echoes_for_means(n: int) -> np.ndarray:

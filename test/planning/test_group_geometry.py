@@ -14,6 +14,7 @@ from numpy.polynomial import Chebyshev
 
 from sar_imaging.geometry import MapGrid
 from sar_imaging.planning.exact.group_geometry import (
+    direction_bends,
     direction_slopes,
     frames_of,
     in_frames,
@@ -108,15 +109,16 @@ def test_derivatives_by_range_are_those_of_paths_in_space(survey):
                     assert found[n][g, q, s] == pytest.approx(wanted[n], rel=0, abs=tolerance)
 
 
-def test_slopes_by_direction_are_those_of_paths_in_space(survey):
+def test_slopes_and_bends_by_direction_are_those_of_paths_in_space(survey):
     frames, ends, centres, starts = survey
     places = places_of(GRID, frames, 3)
-    found = direction_slopes(places, centres)
+    found, bends = direction_slopes(places, centres), direction_bends(places, centres)
     for g, echo, n in _echoes_of(starts):
         for s, (r, alpha) in enumerate(zip(places.range_m[g], places.alpha[g], strict=True)):
             wanted = _taylor(lambda x, g=g, r=r, echo=echo: _half_path(
-                _place(frames, g, r, x), ends, echo), alpha, 0.02, 1)[1]
-            assert found[g, n, s] == pytest.approx(wanted, abs=1e-9)
+                _place(frames, g, r, x), ends, echo), alpha, 0.02, 2)
+            assert found[g, n, s] == pytest.approx(wanted[1], abs=1e-9)
+            assert bends[g, n, s] == pytest.approx(wanted[2], abs=1e-7)
 
 
 def test_slopes_beside_the_map_are_those_of_the_continued_geometry(survey):

@@ -78,6 +78,22 @@ def test_error_at_a_frequency_is_that_of_a_tone():
     assert interpolator.error_at(0.6) == 2.0
 
 
+@pytest.mark.parametrize('chirp', [5e-4, 3e-3, 0.02, 0.1])
+def test_error_of_a_chirp_is_that_of_a_tone_that_bends(chirp):
+    interpolator = design_interpolator(1.9, taps=10, degree=5)
+    t = np.linspace(0, 1, 200)
+    for frequency in (-0.2, 0.0, 0.1, 0.23):
+        def read_from(place, frequency=frequency):  # phases are from the middle of the interval
+            return np.exp(1j * (2 * np.pi * frequency * place + chirp * (place - 0.5) ** 2))
+        read = read_from(np.arange(10) + interpolator.first) @ (
+            interpolator.weights.T.astype(float) @ t ** np.arange(6)[:, None])
+        measured = np.mean(np.abs(read - read_from(t)) ** 2)
+        (found,) = interpolator.error_of_chirps(np.array([frequency]), np.array([chirp]))
+        # between the chirps of a table, at frequencies of it: measured 0.6 dB
+        assert 10 * np.log10(found) == pytest.approx(10 * np.log10(measured), abs=1.0)
+    assert interpolator.error_of_chirps(np.array([0.1]), np.array([1.0])) == 2.0
+
+
 def test_error_with_drift_is_that_of_positions_that_drift():
     interpolator = design_interpolator(2.4, 0.5, degree=4)
     rng = np.random.default_rng(1)

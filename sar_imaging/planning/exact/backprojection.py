@@ -29,6 +29,8 @@ from ..profiles import (
     RangeResampling,
     check_reach,
     covered_ranges,
+    end_warnings,
+    error_near_ends_db,
     least_cost,
     plan_resampling,
     reach_warnings,
@@ -38,6 +40,7 @@ from .groups import GroupPlan, plan_groups
 from .points import (
     ImagePoints,
     PointPlan,
+    draw,
     plan_even_points,
     plan_points,
     point_operations,
@@ -145,6 +148,7 @@ class GridLines:
 # Predictions are for scenes that are evenly bright. Of some dozen scatterers, images are by chance
 # darker than their pulses.
 _CHANCE_DB = 0.5
+_PIXELS_NEAR_ENDS = 20_000  # at which errors are told where profiles end near an image
 _LIT_DB = 0.6  # of the target, which the interpolation of amplitudes takes
 LEAST_TARGET_DB = -100.0  # that float32 reaches
 
@@ -257,6 +261,7 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
     ValueError
         None of the profiles reaches the pixels.
     """
+    asked_db = target_db
     target_db = max(target_db - _CHANCE_DB - _LIT_DB * (illumination is not None),
                     LEAST_TARGET_DB)
     is_points = isinstance(grid, ImagePoints)
@@ -268,13 +273,29 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
     else:
         range_m, route = _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db,
                                         illumination, groups, before and before.route)
+    near = 10 ** (target_db / 10) < route.window.end_error(np.array(range_m)).max()
+    if near and illumination is None:
+        route = _with_ends(route, grid, radar, tx_m, rx_m)
     (start, stop), some = covered_ranges(radar, n_samples), (
         grid.some() if is_points else some_pixels(grid))
-    warnings = azimuth_warnings(some, tx_m, rx_m, radar, illumination)
+    beyond = ()
     if range_m[0] < start or stop < range_m[1]:
-        warnings = (*reach_warnings(some, tx_m, rx_m, radar, n_samples, illumination), *warnings)
+        beyond = reach_warnings(some, tx_m, rx_m, radar, n_samples, illumination)
+    if near and not beyond:
+        beyond = end_warnings(route.errors_db['ends of profiles'], asked_db)
+    warnings = (*beyond, *azimuth_warnings(some, tx_m, rx_m, radar, illumination))
     return BackprojectionPlan(grid, radar, tx_m.copy(), rx_m.copy(), range_m, route, warnings,
                               illumination)
+
+
+def _with_ends(route, grid, radar, tx_m, rx_m):
+    """A route with the error that ends of profiles make, told by thousands of pixels."""
+    n = _PIXELS_NEAR_ENDS
+    points_m = (grid.some(n) if isinstance(grid, ImagePoints)
+                else grid.positions(*draw(grid.shape, n)))
+    ends_db = error_near_ends_db(route.window, route.lattice.oversampling(radar), tx_m, rx_m,
+                                 points_m)
+    return dataclasses.replace(route, errors_db={**route.errors_db, 'ends of profiles': ends_db})
 
 
 def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, groups, before):

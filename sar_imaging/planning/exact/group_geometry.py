@@ -179,6 +179,20 @@ def direction_slopes(places: Places, centres: list[np.ndarray]) -> np.ndarray:
     return slopes / len(centres)
 
 
+def direction_bends(places: Places, centres: list[np.ndarray]) -> np.ndarray:
+    """(G, Q, S) second derivatives of half paths by direction, metres, of echoes (G, Q, 3)."""
+    r, alpha, f = (v[:, None] for v in places[:3])
+    f1 = -r * r * alpha / f
+    f2 = -(r * r + f1 * f1) / f
+    found = 0.0
+    for c in centres:
+        x, y, constant = (c[..., n, None] for n in range(3))
+        d = np.sqrt(np.maximum(r * r + constant - x * (2 * alpha * r) - y * (2 * f), 1e-12))
+        slope = (x * r + y * f1) / d
+        found = found - (y * f2 + slope * slope) / d
+    return found / len(centres)
+
+
 def range_derivatives(places: Places, centres: list[np.ndarray], order: int
                       ) -> list[np.ndarray]:
     """(G, Q, S) half paths of echoes (G, Q, 3), and their derivatives by range up to an order."""

@@ -45,6 +45,7 @@ from .group_geometry import (
     Extents,
     Places,
     bent_rows,
+    direction_bends,
     direction_slopes,
     extents_of,
     frames_of,
@@ -68,9 +69,6 @@ _SOME, _FEW = 132, 44
 _SEEK = 5  # echoes of a group by which the number of groups is sought
 _WAVENUMBERS = 5  # of the band, at which errors are looked up
 _SLACK, _FINER = 1.01, 0.999
-_STEEP = 0.5  # height over the nearest range, of bent groups
-_HASH = np.array([1, 0x1E3779B97F4A7C15, 0x42B2AE3D27D4EB4F])  # tells places apart by one number
-_STILL, _PASSES = 0.1, 3  # share of echoes from places of more echoes than so many
 _CHANGE = 0.02  # of s along half a segment, over its value where its continuation begins
 _MOST_ENDS = 0.6  # of a target, that ends of profiles may take
 _LEFT_DB = 1.0  # of what profiles may err, for expansions along segments
@@ -295,16 +293,6 @@ class Echoes:
     def __len__(self) -> int:
         return len(self.centres_m)
 
-    @property
-    def still(self) -> bool:
-        """Whether the platform stands still: many echoes come from one place, and add up there.
-
-        Parts of such groups erred up to 12 dB more than predicted.
-        """
-        places = np.rint(self.centres_m * (100.0 / self.radar.wavelength_m)).astype(np.int64)
-        _, counts = np.unique(places @ _HASH, return_counts=True)
-        return counts[counts > _PASSES].sum() > _STILL * len(self)
-
     def edges(self, n_groups: int) -> np.ndarray:
         """(G + 1,) first echo of each group, and their number."""
         return np.arange(n_groups + 1) * len(self) // n_groups
@@ -413,8 +401,10 @@ class Survey:
             raise _Unsuited
         half = _SLACK * np.maximum(np.abs(few).max(axis=(1, 2)) * k[-1], 1e-9)
         half_range = _SLACK * _off_carrier(rows, k, carrier)
-        self.between, self.along = (self._fitting(*band) for band in (
-            (few, 0.0, half), (rows, carrier, half_range)))
+        self.bends = None if seek else direction_bends(places, self.of_echoes(self.some))
+        self._directions, self._ranges = (few, 0.0, self.bends), (rows, carrier)
+        self.between = self._fitting(half, *self._directions)
+        self.along = self._fitting(half_range, *self._ranges)
         self.alpha_spacing = np.pi / (half * self.between.oversampling)
         self.pitch_m = _FINER * np.pi / (half_range * self.along.oversampling)
         for _ in range(3):  # rows are read nearer than their pixels, where directions change more
@@ -430,29 +420,32 @@ class Survey:
         """Phase centres (G, Q, 3) of echoes (G, Q) of the groups."""
         return [c[self.row, number] for c in self.centres]
 
-    def _fitting(self, slopes, middle: float, half) -> Interpolator:
-        """Interpolator of a pass to the map, of slopes (G, Q, S) whose bands are (G,) `half`."""
+    def _fitting(self, half, *band) -> Interpolator:
+        """Interpolator of a pass to the map whose bands, as of `error_db`, are (G,) `half`."""
         wanted_db = self.echoes.pass_db
-        cycles = (np.multiply.outer(self.echoes.wavenumbers, slopes) - middle) / (
-            2 * half[:, None, None])
         for found in sufficient_interpolators(wanted_db, taps=self.echoes.lengths.taps,
                                               degree=DEGREE):
             # much of the power may lie where the band ends
-            if self.error_db(found, cycles / found.oversampling) <= wanted_db:
+            if self.error_db(found, np.pi / (half * found.oversampling), *band) <= wanted_db:
                 return found
         raise _Unsuited
 
     def passes_db(self, alpha_spacing, spacing: float) -> tuple[float, float]:
         """Errors between lines and along them as they lie in the end, dB."""
-        k, carrier = self.echoes.wavenumbers, self.echoes.radar.wavenumber_rad_per_m
-        return (self.error_db(self.between, np.multiply.outer(
-            k, self.few * (alpha_spacing / (2 * np.pi))[:, None, None])),
-            self.error_db(self.along, (np.multiply.outer(k, self.rows) - carrier) * (
-                spacing / (2 * np.pi))))
+        return (self.error_db(self.between, alpha_spacing, *self._directions),
+                self.error_db(self.along, np.full(1, spacing), *self._ranges))
 
-    def error_db(self, interpolator: Interpolator, frequency) -> float:
-        """Mean error of frequencies (K, G, Q, S), cycles per sample, of groups that suit, dB."""
-        error = interpolator.error_at(frequency)
+    def error_db(self, interpolator: Interpolator, spacing, slopes, middle=0.0, bends=None
+                 ) -> float:
+        """Mean error of reading samples of groups that suit, (G,) `spacing` apart, dB.
+
+        `slopes` and `bends` are derivatives of half paths, (G, Q, S); the frequencies of samples
+        are less `middle`, radians per unit.
+        """
+        k, spacing = self.echoes.wavenumbers, spacing[:, None, None]
+        cycles = (np.multiply.outer(k, slopes) - middle) * (spacing / (2 * np.pi))
+        error = interpolator.error_at(cycles) if bends is None else interpolator.error_of_chirps(
+            cycles, bends * (0.5 * self.echoes.radar.wavenumber_rad_per_m * spacing * spacing))
         weight = LOBATTO[len(error)][1]
         return 10 * math.log10(self.mean(np.tensordot(weight, error, 1)) + 1e-16)
 
@@ -508,8 +501,6 @@ class Grids:
         self.bent = top * np.max([np.abs(c[..., 1]).max(axis=1) for c in survey.centres],
                                  axis=0) > 1.0
         survey.fine &= self.extents.reached & (self.extents.least > SEEN)
-        # some of those high above the map erred up to 17 dB more than predicted
-        survey.fine &= ~(self.bent & (np.abs(survey.frames.height_m) > _STEEP * ranges[:, 0]))
         height = survey.frames.height_m[:, None] / self.extents.corner_m
         far = np.sqrt(np.maximum(1 - height ** 2 + self.least[:, None] ** 2, 0.0))
         self.room = np.where(self.bent, np.maximum((far - np.abs(ends)).min(axis=1), 1e-6), np.inf)
@@ -705,15 +696,12 @@ def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_
     Returns
     -------
     GroupPlan or None
-        None where points are as quick, no part of the map lies ahead of a group, or the platform
-        stands still.
+        None where points are as quick or no part of the map lies ahead of a group.
     """
     taps = lengths_for(target_db).taps
     slack = 2 * margin(taps) * radar.range_resolution_m
     window = RangeGate.around(radar, n_samples, (range_m[0] - slack, range_m[1] + slack))
     echoes = Echoes(tx_m, rx_m, radar, window, target_db)
-    if echoes.still:
-        return None
     again = (before is not None and not before.rest and len(before.maps) == 1
              and len(before.maps[0].tx) == len(echoes))
     if again:
@@ -843,15 +831,14 @@ def _between_parts(survey: Survey, bands: Bands, part) -> tuple[Interpolator, np
     `part`, (G, Q), are those of the looked-at echoes.
     """
     echoes = survey.echoes
-    middle = bands.middle[survey.row, part]
-    frequency = np.multiply.outer(echoes.wavenumbers, survey.few) - middle[..., None]
+    middle = bands.middle[survey.row, part][..., None]
     for found in sufficient_interpolators(echoes.parts_db, taps=echoes.lengths.part_taps,
                                           degree=DEGREE):
         half = bands.beyond(found.oversampling)
         if not survey.fine.all():
             break
-        error_db = survey.error_db(found, frequency / (
-            2 * found.oversampling * half[:, None, None]))
+        error_db = survey.error_db(found, np.pi / (found.oversampling * half), survey.few, middle,
+                                   survey.bends)
         if error_db <= echoes.parts_db:
             return found, half, error_db
     raise _Unsuited

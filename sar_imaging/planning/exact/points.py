@@ -111,9 +111,9 @@ class ImagePoints:
         """(..., 3) float64 positions of all pixels, metres."""
         return self.positions(*(v.reshape(self.shape) for v in np.indices(self.size)))
 
-    def some(self) -> np.ndarray:
-        """(S, 3) float64 positions of pixels all over the image, metres."""
-        points = self.positions(*_draw(self.size, _SAMPLED_PIXELS))
+    def some(self, n: int = _SAMPLED_PIXELS) -> np.ndarray:
+        """(n or fewer, 3) float64 positions of pixels all over the image, metres."""
+        points = self.positions(*draw(self.size, n))
         return points[np.isfinite(points).all(axis=1)]
 
     def bounds(self, tx_m, rx_m) -> tuple[float, float]:
@@ -146,8 +146,8 @@ class ImagePoints:
         return math.sqrt(np.median(known)) if known.size else 0.0
 
 
-def _draw(shape, n: int) -> list[np.ndarray]:
-    """Numbers of pixels all over an image along each of its axes, (n,) int64 each."""
+def draw(shape, n: int) -> list[np.ndarray]:
+    """Numbers of n pixels all over an image along each of its axes, (n,) int64 each."""
     rng = np.random.default_rng(0)
     return [rng.integers(0, size, n) for size in shape]
 
@@ -226,7 +226,7 @@ def plan_even_points(grid: EvenGrid, *planned, illumination: Illumination | None
     corner = dataclasses.replace(layer, n_u=min(layer.n_u, TILE_SIDE),
                                  n_v=min(layer.n_v, TILE_SIDE))
     return plan_points(ImagePoints.of_grid(corner), *planned,
-                       some_m=grid.positions(*_draw(grid.shape, _SAMPLED_PIXELS)),
+                       some_m=grid.positions(*draw(grid.shape, _SAMPLED_PIXELS)),
                        illumination=illumination,
                        positions=(grid.slice(grid.n_z // 2) if isinstance(grid, VolumeGrid)
                                   else grid).positions, shape=grid.shape[-2:])
