@@ -18,7 +18,6 @@ import numpy as np
 
 from ...geometry.grids import EvenGrid, MapGrid, even_positions
 from ...geometry.half_paths import Paths, half_paths, sample_paths
-from ...geometry.illumination import Illumination
 from ...signal.radar import RadarParameters
 from ..ambiguities import azimuth_warnings
 from ..costs import costs
@@ -47,6 +46,7 @@ from .points import (
 )
 
 if TYPE_CHECKING:
+    from ...geometry.illumination import Illumination
     from .illumination import LitLines
     from .polar_image import PolarPlan
 

@@ -21,12 +21,12 @@ from ...geometry.grids import (
     VolumeGrid,
 )
 from ...geometry.half_paths import half_paths
-from ...geometry.illumination import Illumination
 from ...signal.radar import RadarParameters
 from ..plan import EXACT_SHARES, Plan, error_budget
 from ..profiles import RangeGate, RangeResampling, mean_db, plan_point_resampling
 
 if TYPE_CHECKING:
+    from ...geometry.illumination import Illumination
     from .illumination import LitPoints
 
 # Rms error of a path in float32 over the radius of its tile; 1.4e-8 to 1.7e-8 were measured
