@@ -52,8 +52,9 @@ class CostModel:
     profile_bin, profile_cell : float
         Range profiles: of an echo, by the samples of its spectrum and positions of its lattice.
     beam_path, beam_run, image : float
-        Of an echo and beam; of an echo, group of beams and run of bins; of an image. Nothing is
-        chosen by these and the two before: predicted times contain them.
+        Of an echo and beam; of an echo, group of beams and run of bins; of an image, and in
+        addition of that of a sub-aperture. Nothing is chosen by these and the two before:
+        predicted times contain them.
     """
 
     line_pixel: float = 0.25
@@ -86,7 +87,7 @@ class CostModel:
     profile_cell: float = 7.0
     beam_path: float = 35.0
     beam_run: float = 25.0
-    image: float = 2e5
+    image: float = 6e5
 
     def __post_init__(self):
         for name, value in dataclasses.asdict(self).items():

@@ -315,7 +315,8 @@ class _Experiments:
         stage = dataclasses.replace(plan.subapertures, beams=beams)
         image = self._backend.SubapertureImager(stage)
         out = image.image(0, some)
-        counts = {**stage.image_operations(some.n_pulses * some.n_channels), IMAGE_OVERHEAD: 1}
+        counts = {**stage.image_operations(some.n_pulses * some.n_channels), 'image': 1,
+                  IMAGE_OVERHEAD: 1}
         return self._experiment('beams', counts, lambda: image.image(0, some, None, out))
 
     def _lit_image(self, beams: BeamSampling, plan: AfbpPlan, some: PulseBlock) -> Experiment:

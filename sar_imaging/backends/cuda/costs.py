@@ -79,8 +79,10 @@ def operations(plan: BackprojectionPlan | AfbpPlan) -> dict[str, float]:
     n_samples = (plan.route.lattice.n_padded if isinstance(plan, BackprojectionPlan)
                  else plan.subapertures.n_samples)
     n_echoes = plan.tx_m.size // 3
-    return plan.operations | {'transferred_byte': _SAMPLE_BYTES * n_samples * n_echoes
-                              + IMAGE_BYTES * math.prod(plan.grid.shape)}
+    return plan.operations | {
+        'image': 1,  # sub-apertures are imaged many at a time
+        'transferred_byte': _SAMPLE_BYTES * n_samples * n_echoes
+        + IMAGE_BYTES * math.prod(plan.grid.shape)}
 
 
 def seconds(plan: BackprojectionPlan | AfbpPlan) -> float:

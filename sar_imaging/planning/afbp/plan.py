@@ -153,8 +153,9 @@ def _check_seconds(seconds: float, n_pairs: int) -> None:
 
 def _operations(grid, plan: SubaperturePlan) -> dict[str, float]:
     n_echoes = plan.n_channels * sum(p.stop - p.start for p in plan.sampling.pulses)
-    counts = {'image': 1, 'map_pixel': grid.n_x * grid.n_y if isinstance(grid, MapGrid) else 0}
     seen = plan.n_subapertures if plan.lit is None else len(plan.lit.seen)
+    counts = {'image': 1 + seen,
+              'map_pixel': grid.n_x * grid.n_y if isinstance(grid, MapGrid) else 0}
     n_echoes = n_echoes * seen / plan.n_subapertures
     counts |= plan.image_operations(n_echoes, seen)
     return counts | plan.fusion_grid.operations(seen)
