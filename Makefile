@@ -54,7 +54,7 @@ help:
 	@echo 'make drivers radar_driver with the messages of five drivers over DDS; builds these with a C++'
 	@echo '             compiler, a minute or two'
 	@echo 'make prediction-campaign'
-	@echo '             images of 2,000 random geometries beside their predicted errors, 15 minutes of a core;'
+	@echo '             images of 1,500 random geometries beside their predicted errors, some 15 minutes of a core;'
 	@echo '             goes on where it was stopped, CASES=100 for few'
 	@echo 'make obstacle-shadows'
 	@echo '             what obstacle maps call free behind walls and beside them, 100 scenes, 10 minutes of a core; SCENES=10 for few'
@@ -224,7 +224,7 @@ drivers: environment
 
 # Every case follows from its seed; what is measured lies in out/prediction_campaign.jsonl.
 prediction-campaign: environment
-	@$(RUN) -m benchmarks.prediction_campaign --cases $${CASES:-2000}
+	@$(RUN) -m benchmarks.prediction_campaign --cases $${CASES:-1500}
 
 # Results go to benchmarks/results. FASTSAR names a Python that has FastSAR, beside which to measure.
 benchmark-robots: environment

@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measure how far images are above their predicted errors, over random radars, tracks and maps.
 
-Every case follows from its seed (`benchmarks.support.random_cases`). Its image by each
-imager is compared with float64 correlation of the same pulses at the brightest and at random
+Every case follows from its seed (`benchmarks.support.random_cases`): far, near and wide ones in
+turn, a fifth of them along tracks of platforms that stop, hurry, retrace and jump. Its image by
+each imager is compared with float64 correlation of the same pulses at the brightest and at random
 pixels. Cases are written down one by one, so that a campaign that was stopped goes on where it
 was.
 
 Run from the repository root: ``make prediction-campaign``, or
-``python -m benchmarks.prediction_campaign --cases 2000``; with ``--uneven`` along tracks of
-platforms that stop, hurry, retrace and jump.
+``python -m benchmarks.prediction_campaign --cases 1500``.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ import numba
 import numpy as np
 from tqdm import tqdm
 
-from benchmarks.support.random_cases import RandomCase, random_case
+from benchmarks.support.random_cases import FAMILIES, RandomCase, random_case
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.streaming.fusion import LiveFusion
@@ -39,17 +39,19 @@ from .support.uneven_tracks import UNEVEN
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'predictions.json'
 RECORDS = pathlib.Path('out/prediction_campaign.jsonl')
 ALLOWED_DB = 3.0  # above the prediction
+EXACT_TARGETS_DB = -80.0, -60.0, -45.0  # what lengths of interpolators are chosen by
+_UNEVEN_EVERY = 5
 _BLOCK_PULSES = 16
 _AMBIGUOUS = 'ambiguous'  # of pulses too far apart: true of any image, and no error
 
 
 def exact(case: RandomCase, rng):
-    """Backprojection of the profiles to the default target."""
-    p = case.profiles
-    image = plan_image(case.grid, p.radar, p.n_samples, method='exact', target_db=-80.0)(p)
+    """Backprojection of the profiles to one of three targets."""
+    p, target_db = case.profiles, float(rng.choice(EXACT_TARGETS_DB))
+    image = plan_image(case.grid, p.radar, p.n_samples, method='exact', target_db=target_db)(p)
     report = image.report
     return image.samples, report.predicted_error_db, report.warnings, slice(None), {
-        'method': report.plan.method}
+        'target_db': target_db, 'method': report.plan.method}
 
 
 def afbp(case: RandomCase, rng):
@@ -162,11 +164,15 @@ def exceeds(entry: dict) -> bool:
             and all(_AMBIGUOUS in warning for warning in entry['warnings']))
 
 
-def run(seeds, records: pathlib.Path, tracks=(None,)) -> list[dict]:
-    """Measure the cases that `records` lacks and return all that were asked for.
+def campaign_case(seed: int) -> RandomCase:
+    """Case of a seed: families in turn, some of them along uneven tracks."""
+    number, rest = divmod(seed, _UNEVEN_EVERY)
+    track = None if rest else UNEVEN[number % len(UNEVEN)]
+    return random_case(seed, track, tuple(FAMILIES)[seed % len(FAMILIES)])
 
-    They have the `tracks` in turn, that of their seed for None.
-    """
+
+def run(seeds, records: pathlib.Path) -> list[dict]:
+    """Measure the cases that `records` lacks and return all that were asked for."""
     records.parent.mkdir(parents=True, exist_ok=True)
     known = {}
     if records.exists():
@@ -175,10 +181,10 @@ def run(seeds, records: pathlib.Path, tracks=(None,)) -> list[dict]:
     with records.open('a') as file:
         for seed in tqdm([s for s in seeds if s not in known], unit='case'):
             started = time.process_time()
-            case = random_case(seed, tracks[seed % len(tracks)])
+            case = campaign_case(seed)
             known[seed] = {**case.traits, **{
                 name: measure(case, name) for name, (_, every) in IMAGERS.items()
-                if seed // len(tracks) % every == 0}, 'seconds': time.process_time() - started}
+                if seed % every == 0}, 'seconds': time.process_time() - started}
             file.write(json.dumps(known[seed]) + '\n')
             file.flush()
     return [known[seed] for seed in seeds]
@@ -192,11 +198,13 @@ def summary(records: list[dict], imagers=IMAGERS) -> dict:
 def _summary(entries) -> dict:
     formed = [(record, e) for record, e in entries if 'error_db' in e]
     refused = collections.Counter(_reason(e['refused']) for _, e in entries if 'refused' in e)
-    by_track = collections.defaultdict(list)
+    by = {name: collections.defaultdict(list) for name in ('track', 'family')}
+    above = []
     for record, e in formed:
         if e['predicted_db'] is not None and not _warned(e):
-            by_track[record['track']].append(e['error_db'] - e['predicted_db'])
-    above = [d for values in by_track.values() for d in values]
+            above.append(e['error_db'] - e['predicted_db'])
+            for name in by.keys() & record.keys():
+                by[name][record[name]].append(above[-1])
     result = {'cases': len(entries), 'imaged': len(formed), 'refused': dict(refused),
               'crashed': sum('crash' in e for _, e in entries),
               'warned': sum(_warned(e) for _, e in formed),
@@ -205,9 +213,10 @@ def _summary(entries) -> dict:
                                          for _, e in entries),
               'error_db': _distribution([e['error_db'] for _, e in formed])}
     if above:
-        result |= {'above_prediction_db': _distribution(above),
-                   'by_track': {t: _distribution(v) for t, v in sorted(by_track.items())}}
-    result['exceeding'] = [{'seed': r['seed'], 'track': r['track'],
+        result |= {'above_prediction_db': _distribution(above), **{
+            f'by_{name}': {key: _distribution(v) for key, v in sorted(values.items())}
+            for name, values in by.items() if values}}
+    result['exceeding'] = [{'seed': r['seed'], 'family': r.get('family'), 'track': r['track'],
                             'predicted_db': round(e['predicted_db'], 1),
                             'error_db': round(e['error_db'], 1)}
                            for r, e in formed if exceeds(e)]
@@ -236,20 +245,19 @@ def _distribution(values) -> dict:
 def main() -> None:
     """Run what is missing and write the results."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--cases', type=int, default=2000)
+    parser.add_argument('--cases', type=int, default=1500)
     parser.add_argument('--first-seed', type=int, default=0)
     parser.add_argument('--records', type=pathlib.Path, default=RECORDS)
     parser.add_argument('--output', type=pathlib.Path, default=RESULTS)
-    parser.add_argument('--uneven', action='store_true',
-                        help='tracks of platforms that stop, hurry, retrace and jump')
     arguments = parser.parse_args()
     logging.disable(logging.WARNING)  # warnings go into the records
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.cases)
-    records = run(seeds, arguments.records, UNEVEN if arguments.uneven else (None,))
+    records = run(seeds, arguments.records)
     results = {'machine': {**machine(), 'threads': numba.get_num_threads()},
                'first_seed': seeds.start, 'cases': len(records),
                'minutes': round(sum(r['seconds'] for r in records) / 60, 1),
-               'tracks': dict(collections.Counter(r['track'] for r in records)),
+               **{f'by_{name}': dict(collections.Counter(r[name] for r in records))
+                  for name in ('family', 'track')},
                'imagers': summary(records)}
     arguments.output.write_text(json.dumps(results, indent=1) + '\n')
     print(json.dumps(results['imagers'], indent=1))

@@ -62,14 +62,38 @@ class RandomCase:
         return 1.0 if self.pulses.compressed else float(self.pulses.n_samples)
 
 
-def random_case(seed: int, track: str | Callable | None = None) -> RandomCase:
+@dataclasses.dataclass(frozen=True)
+class Family:
+    """What radars, ranges and apertures are drawn from; each is a least value and a largest one.
+
+    Attributes
+    ----------
+    carrier_hz, angle_rad, range_m : (float, float)
+        Carrier, angle of the aperture as seen from the scene, and range; a map that is nearly as
+        wide as the least range lies as much further away.
+    most_channels : int
+        As many receivers as may be drawn.
+    """
+
+    carrier_hz: tuple[float, float] = (1e9, 40e9)
+    angle_rad: tuple[float, float] = (0.005, 0.5)
+    range_m: tuple[float, float] = (100.0, 5e4)
+    most_channels: int = 5
+
+
+#: By name: satellites, aircraft and drones; robots, with up to eight receivers; wide apertures.
+FAMILIES = {'far': Family(), 'near': Family((4e9, 8e10), (0.05, 0.8), (3.0, 100.0), 8),
+            'wide': Family(angle_rad=(0.5, 1.8), range_m=(10.0, 1e4))}
+
+
+def random_case(seed: int, track: str | Callable | None = None, family: str = 'far') -> RandomCase:
     """Simulate pulses of a random radar, track and scene.
 
-    Carriers of 1 to 40 GHz, aperture angles of 0.3 to 30 degrees, bandwidths to 30 % of the
-    carrier, ranges of 100 m to 50 km, elevations to 75 degrees, 1 to 5 channels, maps of 64 to
-    128 pixels a side, Earth-sized offsets of all coordinates in half of the cases, phase
-    histories in a quarter and noise in a third of them; in a tenth each the profiles are too
-    short for the map, and the receivers stand far from the transmitter.
+    Radars, ranges and apertures are those of a family. Bandwidths reach 30 % of the carrier,
+    elevations 75 degrees; maps have 64 to 128 pixels a side. Half of the cases have coordinates
+    with offsets of the Earth's size, a quarter are phase histories, a third have noise; in a
+    tenth each the profiles are too short for the map, and the receivers stand far from the
+    transmitter.
 
     Parameters
     ----------
@@ -77,6 +101,8 @@ def random_case(seed: int, track: str | Callable | None = None) -> RandomCase:
         Of everything.
     track : str or function, optional
         One of `TRACKS`, or one of your own like these; the seed chooses if left out.
+    family : str
+        One of `FAMILIES`.
 
     Returns
     -------
@@ -90,13 +116,13 @@ def random_case(seed: int, track: str | Callable | None = None) -> RandomCase:
     >>> print(case.traits['track'], case.grid.shape, case.profiles.n_pulses, 'pulses')
     climbing (66, 69) 36 pulses
     """
-    rng = np.random.default_rng(seed)
+    rng, drawn_from = np.random.default_rng(seed), FAMILIES[family]
     # Drawn in any case, so that a track can be asked for.
     drawn = tuple(TRACKS)[rng.integers(len(TRACKS))]
     track = TRACKS.get(track or drawn, track)
-    carrier = 1e9 * 40 ** rng.random()
+    carrier = _between(*drawn_from.carrier_hz, rng)
     wavelength = SPEED_OF_LIGHT / carrier
-    angle = 0.005 * 100 ** rng.random()
+    angle = _between(*drawn_from.angle_rad, rng)
     azimuth = wavelength / (2 * angle)
     bandwidth = min(SPEED_OF_LIGHT / (2 * azimuth * 3 ** rng.uniform(-1, 1)), 0.3 * carrier)
     n_x, n_y = (int(n) for n in rng.integers(64, 129, 2))
@@ -104,9 +130,9 @@ def random_case(seed: int, track: str | Callable | None = None) -> RandomCase:
     resolution = SPEED_OF_LIGHT / (2 * bandwidth) / math.cos(elevation)
     spacing = rng.uniform(0.25, 0.6) * min(azimuth, resolution)
     width = spacing * max(n_x, n_y)
-    nearest = max(100.0, 1.2 * width)
-    range_m = nearest * max(5e4 / nearest, 1.0) ** rng.random()
-    n_channels = int(rng.integers(1, 6))
+    nearest = max(drawn_from.range_m[0], 1.2 * width)
+    range_m = _between(nearest, max(drawn_from.range_m[1], nearest), rng)
+    n_channels = int(rng.integers(1, drawn_from.most_channels + 1))
     n_pulses = int(np.clip(rng.uniform(1.2, 2.5) * width / azimuth, 24, _MOST_ROWS // n_channels))
     centre = range_m * np.array([-math.cos(elevation), 0.0, math.sin(elevation)])
     path = track(rng, np.linspace(-0.5, 0.5, n_pulses), angle * range_m, centre)
@@ -119,12 +145,16 @@ def random_case(seed: int, track: str | Callable | None = None) -> RandomCase:
     points, amplitudes = _scatterers(rng, grid, n_pulses * azimuth / width
                                      if scene == 'everywhere' else 0.95)
     name = track.__name__.strip('_').replace('_', ' ')
-    traits = {'seed': seed, 'track': name, 'range_m': range_m, 'channels': n_channels,
-              'pulses': n_pulses, 'elevation_deg': math.degrees(elevation),
+    traits = {'seed': seed, 'family': family, 'track': name, 'range_m': range_m,
+              'channels': n_channels, 'pulses': n_pulses, 'elevation_deg': math.degrees(elevation),
               'angle_deg': math.degrees(angle), 'carrier_ghz': carrier * 1e-9,
               'pixels': n_x * n_y, 'width': width / range_m, 'scene': scene,
               'offset': 'Earth' if np.any(offset) else 'none'}
     return _with_pulses(rng, grid, tx, rx, carrier, bandwidth, points, amplitudes, traits)
+
+
+def _between(least, largest, rng) -> float:
+    return least * (largest / least) ** rng.random()
 
 
 # ------------------------------------------------------------------------------------ tracks
