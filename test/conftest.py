@@ -9,7 +9,7 @@ import signal
 from pathlib import Path
 
 # Read where NumPy is loaded. Threads of BLAS turn in a loop while they wait for the next product,
-# and products here are small: the map of a group of echoes took twice the processor time.
+# and products here are small: files of the doctor and of groups took twice the processor time.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 import numpy as np
