@@ -241,9 +241,11 @@ class RangeGate:
         for distance, taper in ((after + min(self.first, 0), self.n_rise),
                                 (self.n_samples - 1 - after, self.n_fall)):
             table = _end_errors(given, min(given, round(oversampling, 2)), taper)
-            whole = np.clip(distance, 0, len(table) - 1).astype(np.intp)
-            here, after = table.take(whole), table.take(whole + 1, mode='clip')
-            error = error + np.where(distance < 0, 1.0, here + (distance - whole) * (after - here))
+            # NaN, where pixels have no position, stays NaN
+            whole = np.fmin(np.fmax(distance, 0), len(table) - 1).astype(np.intp)
+            here, beyond = table.take(whole), table.take(whole + 1, mode='clip')
+            error = error + np.where(distance < 0, 1.0,
+                                     here + (distance - whole) * (beyond - here))
         return np.minimum(error, 1.0)
 
     def predictable(self, range_m, lit=True) -> np.ndarray:
