@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from ...planning.exact.illumination import LitLines
 
 LINES = 32  # image lines whose geometry is computed together
+_VECTOR = 32  # pixels that are added together, at most
 _PLANES = 2 * (LINE_DEGREE + 1)
 _TASKS_PER_THREAD = 8
 
@@ -191,7 +192,7 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
     n_lines, n_pixels, after = layout[0], len(ramp) // 2, np.uint64(len(ramp) // 2)
     half, middle = segment // 2, n_echoes // 2
     # Unsigned indices spare the compiler the test for negative ones, which stops vectorisation.
-    p, length = np.uint64(n_cells), np.uint64(segment)
+    p = np.uint64(n_cells)
     inverse_step, inverse_phases = 1.0 / step, 1.0 / n_phases
     n_groups, n_tasks = lines.shape[0], base.shape[0]
     n_pieces = n_groups * lines.shape[1]
@@ -204,6 +205,9 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
                 if any_illuminated[piece % n_groups, piece // n_groups] == 0:
                     continue
             count = min(LINES, n_lines - group * LINES)
+            some = np.uint64(min(segment, n_pixels - number * segment))
+            # whole vectors: what is left of one would be added pixel by pixel
+            length = np.uint64(min(segment, (np.int64(some) + _VECTOR - 1) // _VECTOR * _VECTOR))
             for i in range(task * LINES * segment, (task + 1) * LINES * segment):
                 work_re[i] = 0.0
                 work_im[i] = 0.0
@@ -288,7 +292,6 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
                 b0, b1, b2, b3 = _shared_cycles(paths, task, j, half, cycles_per_step,
                                                 inverse_step)
                 first = np.uint64(number * segment)
-                some = np.uint64(min(segment, n_pixels - number * segment))
                 for i in range(some):
                     f = index[i]
                     c = fraction(b0 + f * (b1 + f * (b2 + f * b3)))
