@@ -150,13 +150,10 @@ def make_archive(folder, flights, *, datum=DATUM, **job):
 def _scan(recording, path, number, block, middle, datum):
     corners = tuple((middle + dx, dy) for dx, dy in ((-70, -60), (70, -60), (55, 65), (-55, 65)))
     window = Window.around(corners, SPACING_M)
-    centre = np.array([middle, 0, 0])
     return ApertureScan(
         f'{recording}_aperture-{number:03d}', path, recording, number, 'print', 'recording',
         block.radar, block.n_pulses, 1, block.n_samples, True, int(block.stamp_ns[0]),
         int(block.stamp_ns[-1]), datum, corners, window,
-        tuple(block.tx_m.mean(axis=(0, 1))),
-        float(np.median(np.linalg.norm(block.tx_m[:, 0] - centre, axis=1))),
-        block.samples.nbytes,
+        tuple(block.tx_m.mean(axis=(0, 1))), block.samples.nbytes,
         Division((window,), ((0, block.n_pulses),), 1.0, 1.0, 10**8, 'exact'),
         f'scans/{recording}_aperture-{number:03d}.npz')
