@@ -36,7 +36,7 @@ MODULES = {
     'sar_imaging.autofocus.live': ('live_autofocus',),
     'sar_imaging.autofocus.phase_gradient': ('PhaseGradient',),
     'sar_imaging.autofocus.tiles': ('Tiles', 'bright_points'),
-    'sar_imaging.autofocus.track': ('PhaseCentreTrack',),
+    'sar_imaging.autofocus.track': ('PhaseCentreTrack', 'on_track'),
     'sar_imaging.backends.checks': ('check_backend',),
     'sar_imaging.backends.reference.project_points': ('half_paths',),
     'sar_imaging.backends.reference.resample_profiles': ('profile_spectra',),

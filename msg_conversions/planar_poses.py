@@ -56,7 +56,7 @@ def pose_to_message(position_m: Sequence[float], quaternion: Sequence[float],
     >>> from msg_conversions import planar_poses
     >>> message = planar_poses.pose_to_message((3.0, 4.0, 1.0), (0.0, 0.0, 0.0, 1.0),
     ...                                        np.diag([0.01, 0.04, 1e-4]), Header(frame_id='map'))
-    >>> message.pose.pose.position.y, message.pose.covariance[35]  # of the yaw
+    >>> message.pose.pose.position.y, float(message.pose.covariance[35])  # of the yaw
     (4.0, 0.0001)
     """
     covariance = np.asarray(covariance, float)

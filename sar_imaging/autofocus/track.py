@@ -181,6 +181,15 @@ def on_track(block: PulseBlock, track: PhaseCentreTrack, *, scale_s: float) -> G
     -------
     GeometryModel
         Of `time_offset_s`; it raises ValueError where the track is not known.
+
+    Examples
+    --------
+    >>> from sar_imaging.autofocus.track import PhaseCentreTrack, on_track
+    >>> from sar_imaging.simulation import SCENARIOS
+    >>> block = next(iter(SCENARIOS['psf']().blocks(100)))
+    >>> model = on_track(block, PhaseCentreTrack.of_pulses([block]), scale_s=0.1)
+    >>> list(model.names), [float(v) for v in model.scale]
+    (['time_offset_s'], [0.1])
     """
     def geometry(offset: np.ndarray) -> Geometry:
         return Geometry(*track.at(block.stamp_ns, float(offset[0])))

@@ -3,6 +3,7 @@
 """localization: images and odometry over DDS become poses in a map, and faults are named."""
 
 import math
+import re
 import shutil
 import sys
 import types
@@ -35,6 +36,7 @@ from sar_imaging.nodes.runtime.managed import AUTOSTART
 from .conftest import LATCHED
 
 NAME = 'localization'
+MAP_POSE_JOINED = 'subscriber on .*map_pose joined'
 ODOM_IN_MAP = (5.0, -4.0, math.radians(30.0))  # the truth; the node is told a bit less
 SPEED = 4.0  # m/s along x of the odometry's frame
 RATE_HZ = 25
@@ -86,7 +88,7 @@ def stamp_of(at_s):
 class Robot:
     """What imager and odometry publish."""
 
-    def __init__(self, observer, world):
+    def __init__(self, observer, world, localization, joined=1):
         self.world, self._observer = world, observer
         node = observer.node
         self._images = node.create_publisher(ImageMessage, 'image', 10)
@@ -95,6 +97,7 @@ class Robot:
         observer.subscribe(PoseWithCovarianceStamped, 'map_pose')
         observer.wait(lambda: all(p.get_subscription_count() for p in (
             self._images, self._metadata, self._odometry)), 'the subscriptions')
+        localization.wait_for_log(NAME, MAP_POSE_JOINED, joined)
 
     def drive(self, from_s, to_s, speed=SPEED, frame='odom'):
         """Send odometry, evenly."""
@@ -139,7 +142,7 @@ def parameters(folder, **more):
 def test_a_drive_with_all_that_may_go_wrong(start_node, make_observer, tmp_path):
     node = start_node(NAME, parameters(tmp_path / PLACE))
     observer = make_observer()
-    robot = Robot(observer, World())
+    robot = Robot(observer, World(), node)
     node.wait_for_log(NAME, 'no reference map, images are refused: ')
     robot.drive(0.0, 8.0)
     robot.image(0.6)
@@ -193,7 +196,7 @@ def test_a_node_that_is_restarted_or_deactivated_needs_two_images_again(start_no
     known = {'start.std_m': 2.0, 'start.std_deg': 1.0}  # well enough for the first image
     node = start_node(NAME, parameters(tmp_path / PLACE, **known))
     observer = make_observer()
-    robot = Robot(observer, world)
+    robot = Robot(observer, world, node)
     robot.drive(0.0, 14.0)
     robot.image(2.5)
     check(robot.poses(1)[0], 2.5)
@@ -202,10 +205,11 @@ def test_a_node_that_is_restarted_or_deactivated_needs_two_images_again(start_no
     robot.drive(3.0, 14.0)
     robot.image(5.0)
     observer.wait_for_counters(NAME, refused_unconfirmed=1, poses_published=1)
+    joined = len(re.findall(MAP_POSE_JOINED, node.log(NAME)))
     node.kill(NAME)
     node.start(NAME)
     node.wait_for_log(NAME, 'ready: ', 3)
-    robot = Robot(observer, world)
+    robot = Robot(observer, world, node, joined + 1)
     robot.drive(0.0, 8.0, speed=0.0)
     robot.image(2.0)  # while the robot stands
     observer.wait_for_counters(NAME, refused_no_motion=1)
@@ -223,7 +227,7 @@ def test_maps_of_other_radars_and_damaged_ones_are_named(start_node, make_observ
     (tmp_path / PLACE / 'amplitude.npy').write_bytes(b'no array')
     node = start_node(NAME, parameters(tmp_path / PLACE, carrier_hz=77e9, publish_tf=False))
     node.wait_for_log(NAME, r'no reference map, images are refused: .*amplitude\.npy')
-    robot = Robot(observer := make_observer(), world)
+    robot = Robot(observer := make_observer(), world, node)
     world.write_map(tmp_path / PLACE)
     node.wait_for_log(NAME, 'the reference map is there')
     robot.drive(0.0, 4.0)

@@ -51,5 +51,7 @@ def test_the_car_images_what_its_configuration_promises(make_chain):
     # A busy machine is told, and is no fault of the configuration.
     assert all(re.search('input stalled|falling behind', line) for line in warnings)
     for node in derived.memory:
-        used = chain.observer.counters(node.node)['memory_megabytes']
+        used = chain.observer.wait(
+            lambda name=node.node: chain.observer.counters(name).get('memory_megabytes'),
+            f'diagnostics of {node.node}')
         assert used < node.n_bytes / 1e6, node

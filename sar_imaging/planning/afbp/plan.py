@@ -92,8 +92,11 @@ class AfbpPlan(Plan):
                                                   illumination)
         warnings = (*plan.warnings, *beyond, *azimuth_warnings(pixels, tx_m, rx_m, plan.radar,
                                                                illumination))
-        seconds = costs().seconds(_operations(grid, plan))
-        _check_seconds(seconds, tx_m[..., 0].size * math.prod(grid.shape))
+        counts = _operations(grid, plan)
+        seconds = costs().seconds(counts)
+        # what sub-apertures take beside their pixels is no reason to refuse a small image
+        _check_seconds(costs().seconds(counts | {'image': 1}),
+                       tx_m[..., 0].size * math.prod(grid.shape))
         return cls(grid, tx_m.copy(), rx_m.copy(), plan, errors, seconds, _n_bytes(grid, plan),
                    warnings, **more)
 

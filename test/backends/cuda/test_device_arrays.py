@@ -81,7 +81,8 @@ def test_the_processor_takes_over_where_the_device_fails(scene, there, error_db,
         made = imager(scene, backend='auto')
         image = made.new_image(2, there.samples)
         made.accumulate(there, image)
-    failures = [text for text in caplog.messages if 'ambiguous' not in text]  # of few pulses
+    # others tell of few pulses and short profiles
+    failures = [text for text in caplog.messages if 'the processor' in text]
     assert failures == ['out of device memory: 3 MB; the processor computes']
     assert on_device(image.samples)
     np.testing.assert_array_equal(to_host(image.samples), wanted.samples)
