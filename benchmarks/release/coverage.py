@@ -67,9 +67,9 @@ def execute(tests: list[str]) -> list[str]:
 
 def shares(summary: dict) -> dict[str, float]:
     """Per cent of lines and of branches that were executed."""
-    lines, branches = summary['num_statements'] or 1, summary['num_branches'] or 1
-    return {'lines': round(100 * summary['covered_lines'] / lines, 1),
-            'branches': round(100 * summary['covered_branches'] / branches, 1)}
+    found = {'lines': (summary['covered_lines'], summary['num_statements']),
+             'branches': (summary['covered_branches'], summary['num_branches'])}
+    return {what: round(100 * done / of, 1) if of else 100.0 for what, (done, of) in found.items()}
 
 
 def report() -> dict[str, dict[str, float]]:
