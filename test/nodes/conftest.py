@@ -48,6 +48,7 @@ PATIENCE_S = 90.0  # a deadline for what should take a second: kernels may have 
 # Several, for maps that move on before they are looked at.
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 JOINED = 'subscriber on .* joined'
+HEARD = 'publisher on .* joined'
 
 
 def pytest_collection_modifyitems(items):
@@ -302,11 +303,13 @@ class Chain(Nodes):
     def kill_and_restart(self, name):
         """SIGKILL, start again, wait until its neighbours see the new process."""
         joined = {n: len(re.findall(JOINED, self.log(n))) for n in NODES}
+        heard = len(re.findall(HEARD, self.log(name)))
         to_observer = self.observer.joined
         self.kill(name)
         self.start(name)  # its log goes on in the same file
         outputs = {'pulse_buffer': 1, 'range_compression': 1, 'backprojection': 3}
         self.wait_for_log(name, JOINED, joined[name] + outputs[name])
+        self.wait_for_log(name, HEARD, heard + 1)  # maybe later than its sender
         if name == 'pulse_buffer':
             self.observer.wait(lambda: self.observer.joined > to_observer, 'the new pulse_buffer')
         else:
