@@ -47,7 +47,7 @@ def pose_to_message(position_m: Sequence[float], quaternion: Sequence[float],
     Raises
     ------
     ValueError
-        A number is not finite, or the covariance has a negative variance.
+        A number is not finite, or a variance is not positive.
 
     Examples
     --------

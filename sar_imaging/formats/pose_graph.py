@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from ..exploitation.registration import Registration
 from ..files import read_text, reading, replacing
+from ..geometry.track import plane_rotation
 
 _POSE, _EDGE, _FIXED = 'VERTEX_SE2', 'EDGE_SE2', 'FIX'  # g2o itself writes the last
 _MOST_BYTES = 1_000_000_000
@@ -81,11 +82,11 @@ class PoseEdge:
         place, heading = found.corrected(image[:2]), image[2] + found.rotation_rad
         x, y = place - found.pivot_m - found.translation_m
         error = np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
-        error[:2] = _rotation(heading).T @ error[:2]
+        error[:2] = plane_rotation(heading).T @ error[:2]
         information = np.linalg.inv(error @ found.covariance @ error.T)
         return cls(first, second, np.array([
-            *(_rotation(reference[2]).T @ (place - reference[:2])), _wrapped(
-                heading - reference[2])]), (information + information.T) / 2)
+            *(plane_rotation(reference[2]).T @ (place - reference[:2])),
+            math.remainder(heading - reference[2], math.tau)]), (information + information.T) / 2)
 
 
 def write_g2o(path: os.PathLike[str] | str, poses: ArrayLike, edges: list[PoseEdge]) -> None:
@@ -199,13 +200,3 @@ def _check(poses: np.ndarray, edges: list[PoseEdge]) -> None:
 def _line(tag: str, numbers: list[int], values: ArrayLike) -> str:
     return ' '.join([tag, *map(str, numbers), *(repr(float(v)) for v in np.asarray(values))]) \
         + '\n'
-
-
-def _rotation(angle: float) -> np.ndarray:
-    cosine, sine = math.cos(angle), math.sin(angle)
-    return np.array([[cosine, -sine], [sine, cosine]])
-
-
-def _wrapped(angle: float) -> float:
-    """The same angle within half a turn."""
-    return math.remainder(angle, 2 * math.pi)

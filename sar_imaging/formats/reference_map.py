@@ -28,6 +28,8 @@ from ..imaging.image import Image, Report
 from ..numpy_files import check_memory
 from .geotiff import write_raster
 
+#: of every map; pictures and obstacles may lie beside them
+MAP_FILES = 'amplitude.npy', 'passes.npy', 'map.json'
 _VERSION = 1
 _GREY = {0: 254, 100: 0, -1: 205}  # of free, occupied and unknown cells, as map_server takes them
 
@@ -152,7 +154,7 @@ def write_reference_map(folder: os.PathLike[str] | str, reference: ReferenceMap)
             'carrier_hz': image.carrier_hz, 'resolution_m': reference.resolution_m,
             'noise_floor_db': reference.noise_floor_db,
             'passes': [dataclasses.asdict(one) for one in reference.passes]})
-        names = ['amplitude.npy', 'passes.npy', 'map.json']
+        names = list(MAP_FILES)
         if reference.occupancy is not None:
             write_nav2_map(part, reference.occupancy, image.grid)
             names += ['obstacles.pgm', 'obstacles.yaml']

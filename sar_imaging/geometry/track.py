@@ -27,6 +27,12 @@ def unit_vector(vector: ArrayLike) -> np.ndarray:
     return vector / max(math.hypot(*vector), _LEAST_LENGTH)
 
 
+def plane_rotation(angle_rad: float) -> np.ndarray:
+    """(2, 2) float64 matrix of a rotation in the plane, counter-clockwise, radians."""
+    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[cosine, -sine], [sine, cosine]])
+
+
 def main_axis(places_m: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Axes of places, (K, D), by their extent, and the extents, metres.
 

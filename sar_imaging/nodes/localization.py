@@ -40,7 +40,7 @@ from sar_imaging.exploitation.localization import (
     OdometryTrack,
     Refusal,
 )
-from sar_imaging.formats.reference_map import ReferenceMap, read_reference_map
+from sar_imaging.formats.reference_map import MAP_FILES, ReferenceMap, read_reference_map
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.image import Image, Report
 
@@ -108,7 +108,6 @@ FAULTS = ('images_rejected', 'images_in_other_frame', 'images_dropped', 'poses_i
 COUNTERS = ('images_received', 'images_waiting', 'poses_published', 'jumps_accepted',
             *(f'refused_{kind}' for kind in KINDS if f'refused_{kind}' not in FAULTS),
             'last_std_m', 'last_std_deg', 'last_search_seconds')
-_MAP_FILES = ('map.json', 'amplitude.npy', 'passes.npy')
 _MOST_WAITING = 4  # images; more would be old when their turn comes
 _GRIDS = 50  # that are remembered, of images that come late
 _SETTLE_S = 0.1  # until what was sent before an image on another topic has come
@@ -139,7 +138,7 @@ class MapFolder:
 
     def look(self) -> ReferenceMap | None:
         """The map, if its files have changed and can be read."""
-        seen = [self._stamp(name) for name in _MAP_FILES]
+        seen = [self._stamp(name) for name in MAP_FILES]
         if seen == self._seen:
             return None
         self._seen, self.problem = seen, ''

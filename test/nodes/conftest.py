@@ -91,6 +91,15 @@ def wait(condition, what, *, describe=lambda: '', work=lambda: time.sleep(0.02),
     return value
 
 
+def flatten(tree, prefix=''):
+    """Names, joined by dots, and values of a section of a YAML file."""
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from flatten(value, f'{prefix}{key}.')
+        else:
+            yield prefix + key, value
+
+
 class Nodes:
     """Node processes and their logs."""
 

@@ -29,6 +29,8 @@ from sar_imaging.nodes.sar_pipeline import SarPipelineNode
 from sar_imaging.signal.windows import WINDOW_NAMES, parse_window
 from sar_imaging.tools.launching import CONFIG
 
+from .conftest import flatten
+
 MODULES = {'pulse_buffer': pulse_buffer, 'range_compression': range_compression,
            'backprojection': backprojection, 'afbp_fusion': afbp_fusion,
            'moving_targets': moving_targets}
@@ -37,14 +39,6 @@ TYPES = {float: 'double', int: 'int', str: 'string', bool: 'bool', list: 'double
 
 def table(name):
     return {p.name: p for p in (*MODULES[name].PARAMETERS, *COMMON_PARAMETERS, AUTOSTART)}
-
-
-def flatten(tree, prefix=''):
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            yield from flatten(value, f'{prefix}{key}.')
-        else:
-            yield prefix + key, value
 
 
 @pytest.fixture(scope='module')

@@ -33,7 +33,7 @@ from sar_imaging.imaging.image import Report
 from sar_imaging.nodes import localization
 from sar_imaging.nodes.runtime.managed import AUTOSTART
 
-from .conftest import LATCHED
+from .conftest import LATCHED, flatten
 
 NAME = 'localization'
 MAP_POSE_JOINED = 'subscriber on .*map_pose joined'
@@ -201,7 +201,8 @@ def test_a_node_that_is_restarted_or_deactivated_needs_two_images_again(start_no
     robot.image(2.5)
     check(robot.poses(1)[0], 2.5)
     assert observer.change_state(NAME, 'deactivate') and observer.change_state(NAME, 'activate')
-    observer.wait(lambda: observer.status(NAME).message == 'waiting for input', 'activation')
+    observer.wait(lambda: getattr(observer.status(NAME), 'message', '') == 'waiting for input',
+                  'activation')
     robot.drive(3.0, 14.0)
     robot.image(5.0)
     observer.wait_for_counters(NAME, refused_unconfirmed=1, poses_published=1)
@@ -309,14 +310,6 @@ def test_a_grid_that_moves_is_that_of_the_stamp_of_an_image(in_process):
     assert node._grid_of(1_500_000_000) == grids[1]
     assert node._grid_of(2_000_000_000) == grids[2]
     assert node._grid_of(500_000_000) == grids[2]  # none is told for it
-
-
-def flatten(tree, prefix=''):
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            yield from flatten(value, f'{prefix}{key}.')
-        else:
-            yield prefix + key, value
 
 
 def test_file_and_page_say_what_the_table_of_parameters_does(pytestconfig):
