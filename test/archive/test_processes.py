@@ -8,11 +8,16 @@ import random
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 
+from sar_imaging.files import NEW
+
 pytest.importorskip('distributed', reason='the extra archive is not installed')
+
+from sar_imaging.archive.scans import remove_parts
 
 SCRIPT = Path(__file__).parent / 'toy_job.py'
 LEAVES = 12
@@ -71,9 +76,17 @@ def kill_and_go_on(toys, output, seed):
 
 
 def test_kill_9_of_everything_and_a_restart(toys, tmp_path, one_worker):
-    kill_and_go_on(toys, tmp_path / 'job', seed=0)
-    assert toys.bits(tmp_path / 'job') == one_worker
-    assert not list((tmp_path / 'job').glob('records/*/.*'))  # parts
+    job = tmp_path / 'job'
+    kill_and_go_on(toys, job, seed=0)
+    assert toys.bits(job) == one_worker
+    record = next(job.glob('records/*/*.json'))
+    # What a worker leaves that is killed before it moves a record to its place.
+    half_done = Path(tempfile.mkdtemp(prefix=NEW, dir=record.parent))
+    (half_done / record.name).write_text('{"key"')
+    done = finished(job)
+    remove_parts(job)
+    assert not list(job.rglob(f'{NEW}*'))
+    assert finished(job) == done and toys.bits(job) == one_worker
 
 
 @pytest.mark.campaign
