@@ -171,13 +171,15 @@ class UnifiedPolarGrids(FusionSizes):
     def range_wavenumbers(self) -> np.ndarray:
         """(K,) float64 two-way wavenumbers K_r of the images along range, rad/m, ascending.
 
-        Those of the carrier's bin, in the middle, and as many on either side as the band has that
+        Those of the carrier's bin, number K // 2, and as many on either side as the band has that
         tapers over the guards widen.
         """
-        step = 2 * math.pi / self.range_extent_m
+        step, n = 2 * math.pi / self.range_extent_m, self.n_coarse_range
         band = self.half_range + taper_band(self.range_guard * self.coarse.range_spacing_m)
-        most = min(math.ceil(band / step), (self.n_coarse_range - 1) // 2)
-        return self.wavenumber_rad_per_m + np.arange(-most, most + 1) * step
+        most = min(math.ceil(band / step), (n - 1) // 2)
+        # the last bin of an even number, where the fused image has the same one
+        lowest = n // 2 if n == self.n_fine_range and math.ceil(band / step) > most else most
+        return self.wavenumber_rad_per_m + np.arange(-lowest, most + 1) * step
 
     @property
     def wavelength_m(self) -> float:
