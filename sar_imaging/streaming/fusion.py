@@ -15,6 +15,7 @@ import numpy as np
 from ..backends import AUTO, backend as find_backend
 from ..device_arrays import to_host
 from ..geometry.grids import MapGrid
+from ..geometry.half_paths import half_paths
 from ..memory import IMAGE_BYTES, PUBLISHED_BYTES, check_memory
 from ..planning.afbp.polar_grids import UnifiedPolarGrids, covers
 from ..signal.pulses.sequence import EventSource, counter_distance
@@ -60,13 +61,14 @@ class FusedImage:
 
 @dataclasses.dataclass(frozen=True)
 class Header:
-    """What is remembered of a sub-aperture once it is fused."""
+    """What is remembered of a sub-aperture once it is fused; `slopes_m` of sliding ones."""
 
     first_counter: int
     n_pulses: int
     n_missing: int
     stamp_ns: int
     centre_m: float
+    slopes_m: tuple[float, float]
     error: float
     power: float
 
@@ -103,6 +105,7 @@ class Fusing:
                         sub.centre_m)
         self.headers[sub.number] = Header(sub.first_counter, sub.n_pulses, sub.n_missing,
                                            sub.stamp_ns, sub.centre_m,
+                                           _slopes_m(sub) if self.sliding else (0.0, 0.0),
                                            10 ** (sub.predicted_error_db / 10), _power(sub))
         if sub.number > self.newest:
             self.newest, self.aperture = sub.number, sub.aperture
@@ -152,9 +155,9 @@ class Fusing:
         """Image of what is in, in the memory of the host."""
         n_pulses, n_missing = self.counts(final=final)
         headers = self.headers.values()
-        centres = [h.centre_m for h in headers]
         # The grid of a sliding aperture is as fine as one of its windows needs.
-        centre_m = 0.5 * (min(centres) + max(centres)) if self.sliding else 0.0
+        low, high = zip(*(h.slopes_m for h in headers), strict=True)
+        centre_m = 0.5 * (min(low) + max(high))
         polar = (self.fusion.take_polar_image() if final and not self.sliding
                  else self.fusion.polar_image(centre_m))
         self.imaged, told = True, None
@@ -177,6 +180,22 @@ class Fusing:
         step = (last.centre_m - first.centre_m) / max(pulses, 1.0)
         ends = first.centre_m - step * first.length / 2, last.centre_m + step * last.length / 2
         return min(ends), max(ends)
+
+
+def _slopes_m(sub: SubapertureImage) -> tuple[float, float]:
+    """Least and largest derivative of its half paths by direction over the map, metres.
+
+    Where range grows along the lines of the polar grid as it does from the antenna that is the
+    middle of its band; over a wide aperture it grows less.
+    """
+    if sub.ends is None:
+        return sub.centre_m, sub.centre_m
+    polar, grid = sub.fusion.polar, sub.map_grid
+    place = polar.from_map(*(v.ravel() for v in np.meshgrid(
+        *(v[[0, len(v) // 2, -1]] for v in (grid.x_m, grid.y_m)))))
+    slope = half_paths(np.array(sub.ends.tx_m), np.array(sub.ends.rx_m), polar.lines(*place)[0],
+                       polar.by_direction(*place))[1]
+    return float(slope.min()), float(slope.max())
 
 
 def _power(sub: SubapertureImage) -> float:
