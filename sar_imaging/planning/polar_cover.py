@@ -245,14 +245,14 @@ def _frame(grid: MapGrid, centres) -> tuple[PolarGrid, int] | None:
     if distance == 0:
         return None
     track, side = track_beside(centres, grid.centre_m)
-    axis = int(abs(look[1]) > abs(look[0]))
-    if axis == 0 and track[1] > 0:  # in the order of the lines of the map, north first
-        track, side = -track, side_of(-track, look)
     along = (centres[:, :2] - middle[:2]) @ track
     origin = middle.copy()
     origin[:2] += track * 0.5 * (along.min() + along.max())
     frame = PolarGrid(tuple(origin), tuple(track), side, grid.z_m, abs(origin[2] - grid.z_m) + 1.0,
                       1.0, 1, 0.0, 1.0, 1)
+    axis = range_axis(frame, grid)
+    if axis == 0 and track[1] > 0:  # in the order of the lines of the map, north first
+        frame = dataclasses.replace(frame, track=tuple(-track), side=side_of(-track, look))
     corners = np.array([[x, y] for x in grid.x_m[[0, -1]] for y in grid.y_m[[0, -1]]])
     offset = corners - origin[:2]
     ahead = offset[:, axis] * np.sign(look[axis])
