@@ -75,6 +75,12 @@ def ros_environment(tmp_path_factory):
         yield environment
 
 
+@pytest.fixture
+def whole_end(ros_environment, monkeypatch):
+    """Nodes end as the interpreter does, which forks of the tests leave out."""
+    monkeypatch.setitem(ros_environment, 'PYTEST_WHOLE_END', '1')
+
+
 def wait(condition, what, *, describe=lambda: '', work=lambda: time.sleep(0.02),
          progress=lambda: None):
     """Value of `condition` once it is true, doing `work` meanwhile; fails after a long time.

@@ -189,6 +189,7 @@ def test_a_drive_with_all_that_may_go_wrong(start_node, make_observer, tmp_path)
     check(robot.poses(4)[3], 6.4)
 
 
+@pytest.mark.usefixtures('whole_end')
 def test_a_node_that_is_restarted_or_deactivated_needs_two_images_again(start_node, make_observer,
                                                                         tmp_path):
     world = World()

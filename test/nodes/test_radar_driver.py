@@ -54,6 +54,7 @@ def driver(start_node, make_observer, tmp_path):
     return node, observer
 
 
+@pytest.mark.usefixtures('whole_end')
 def test_scans_without_header_become_pulses_that_focus(driver):
     node, observer = driver
     samples, tx_m, rx_m = scans()

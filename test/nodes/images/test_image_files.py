@@ -160,13 +160,14 @@ def test_without_the_extra_the_answer_says_how_to_install_it(make_chain, psf, tm
     (hidden / 'rasterio.py').write_text('raise ModuleNotFoundError("No module named rasterio")\n')
     monkeypatch.setitem(ros_environment, 'PYTHONPATH',
                         f'{hidden}:{ros_environment["PYTHONPATH"]}')
-    chain = make_chain(psf.truth, backprojection=PLACE | {'save.folder': str(tmp_path / 'out')})
+    chain = make_chain(psf.truth, names=PIPELINE,
+                       backprojection=PLACE | {'save.folder': str(tmp_path / 'out')})
     observer = chain.observer
     observer.send(psf.blocks(25))
     observer.wait_for('image_complex', 1)
-    success, text = observer.trigger('backprojection/save_image')
+    success, text = observer.trigger('sar_pipeline/save_image')
     assert not success and 'install the extra: pip install sar_imaging[formats]' in text
-    observer.wait_for_counters('backprojection', errors=0)
+    observer.wait_for_counters('sar_pipeline', errors=0)
 
 
 @needs['rasterio']
@@ -221,22 +222,23 @@ def test_imaging_goes_on_while_a_disk_is_slow(make_chain, psf, tmp_path, ros_env
         'raise OSError("no space left")\n')
     monkeypatch.setitem(ros_environment, 'PYTHONPATH',
                         f'{hidden}:{ros_environment["PYTHONPATH"]}')
-    chain = make_chain(psf.truth, backprojection=PLACE | {'save.folder': str(tmp_path / 'out')})
+    chain = make_chain(psf.truth, names=PIPELINE,
+                       backprojection=PLACE | {'save.folder': str(tmp_path / 'out')})
     observer = chain.observer
     observer.send(psf.blocks(25))
     observer.wait_for('image_complex', 1)
-    client = observer.node.create_client(Trigger, 'backprojection/save_image')
+    client = observer.node.create_client(Trigger, 'sar_pipeline/save_image')
     observer.wait(client.service_is_ready, 'the service')
     answer = client.call_async(Trigger.Request())
-    chain.wait_for_log('backprojection', 'a slow disk')
+    chain.wait_for_log('sar_pipeline', 'a slow disk')
     observer.send(psf.later(psf.blocks(25), 1))
     observer.wait_for('image_complex', 2)
-    assert observer.trigger('backprojection/form_image')[1] == 'no aperture is being filled'
+    assert observer.trigger('sar_pipeline/form_image')[1] == 'no aperture is being filled'
     assert not answer.done()
     awake.touch()
     observer.wait(answer.done, 'the answer')
     assert (answer.result().success, answer.result().message) == (False, 'no space left')
-    observer.wait_for_counters('backprojection', errors=0)
+    observer.wait_for_counters('sar_pipeline', errors=0)
 
 
 def two_radars(psf):
