@@ -85,8 +85,8 @@ def speed() -> list[dict]:
             seconds, without, ratio = _paired(lit, bare, block)
             plan = lit.report.plan
             route = getattr(plan, 'route', None)
-            share = route.lit.share if route else len(
-                plan.subapertures.lit.seen) / plan.subapertures.n_subapertures
+            share = route.amplitudes.share if route else len(
+                plan.subapertures.amplitudes.seen) / plan.subapertures.n_subapertures
             found.append({'case': name, 'width_rad': width, 'lit_share': share,
                           'seconds': seconds, 'seconds_without': without, 'ratio': ratio,
                           'predicted_ratio': lit.report.seconds / bare.report.seconds})
@@ -135,11 +135,11 @@ def forms() -> list[dict]:
             pattern = AntennaPattern(PatternCut.sinc(width), PatternCut.gaussian(0.9))
             imager = plan_image(*args, illumination=pattern, **more)
             plan, bare = (i(block).report.plan for i in (imager, plan_image(*args, **more)))
-            lit = plan.route.lit
+            lit = plan.route.amplitudes
             name_of, change = ('each point', {'each': True}) if plan.method == 'points' else (
                 'every line', {'apart': 1})
             simpler = dataclasses.replace(plan, route=dataclasses.replace(
-                plan.route, lit=dataclasses.replace(lit, **change)))
+                plan.route, amplitudes=dataclasses.replace(lit, **change)))
             plans = {'planned': plan, 'without': bare, name_of: simpler}
             found.append({'case': name, 'width_rad': width, 'route': plan.method,
                           'lit_share': lit.share, 'seconds_over_planned': _over_first(

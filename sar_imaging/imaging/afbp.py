@@ -112,7 +112,7 @@ class Afbp(Method):
         fusion.clear()
         for number, some in enumerate(tqdm(s.pulses, desc='sub-apertures', unit='sub-aperture',
                                            disable=not self.options.progress)):
-            if plan.lit is not None and number not in plan.lit.seen:
+            if plan.amplitudes is not None and number not in plan.amplitudes.seen:
                 continue
             image = stage.image(number, block.select(some),
                                 None if weights is None else weights[some], image)

@@ -14,8 +14,12 @@ import contextvars
 import dataclasses
 import json
 import math
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+
+# Former names in files of measured costs
+_FORMER = {'lit_image': 'weighed_image', 'lit_knot': 'amplitude_node'}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,7 +39,7 @@ class CostModel:
         Beams: of an echo, bin and beam; more of an echo, bin and group; of a cell's transform.
     beam_pixel, beam_segment : float
         Lines from beams: of a pixel, and in addition of a segment.
-    lit_image, lit_knot : float
+    weighed_image, amplitude_node : float
         More with illumination: of an image from beams, and of a knot of its amplitudes.
     coarse_pixel, fine_pixel, subaperture : float
         Fusion: of a pixel of a sub-aperture image, of the fused image, and of a sub-aperture.
@@ -68,8 +72,8 @@ class CostModel:
     beam_cell: float = 0.8
     beam_pixel: float = 0.65
     beam_segment: float = 51.25
-    lit_image: float = 4.5e4
-    lit_knot: float = 70.0
+    weighed_image: float = 4.5e4
+    amplitude_node: float = 70.0
     coarse_pixel: float = 1.75
     fine_pixel: float = 2.0
     subaperture: float = 2.5e5
@@ -108,8 +112,13 @@ class CostModel:
         from ..files import read_text, told
 
         try:
-            return cls(**json.loads(read_text(path)))
-        except (OSError, TypeError, ValueError) as error:
+            known = json.loads(read_text(path))
+            if former := sorted(_FORMER.keys() & known.keys()):
+                warnings.warn(f'{path}: {", ".join(former)} is now '
+                              f'{", ".join(_FORMER[name] for name in former)}; the former names '
+                              'go with the next release', DeprecationWarning, stacklevel=2)
+            return cls(**{_FORMER.get(name, name): value for name, value in known.items()})
+        except (AttributeError, OSError, TypeError, ValueError) as error:
             raise ValueError(f'{path} holds no costs ({told(error)}); write it with `sar-imaging '
                              'measure-costs`') from error
 

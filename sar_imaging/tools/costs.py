@@ -28,7 +28,7 @@ from ..geometry.illumination import AntennaPattern, Illumination, PatternCut, Po
 from ..imaging.imager import plan_image
 from ..memory import check_memory
 from ..planning.afbp.beams import BeamSampling
-from ..planning.afbp.lit_subapertures import LitSubapertures
+from ..planning.afbp.lit_subapertures import SubapertureAmplitudes
 from ..planning.afbp.plan import AfbpPlan, plan_afbp
 from ..planning.costs import DEFAULT, CostModel, using
 from ..planning.exact.backprojection import BackprojectionPlan, plan_backprojection
@@ -308,8 +308,8 @@ class _Experiments:
             yield self._image(dataclasses.replace(planned, **changed), plan,
                               whole.select(slice(0, 4)))
         for changed in ({}, {'segment': 16}):
-            yield self._lit_image(dataclasses.replace(planned, n_weighed=1, **changed), plan,
-                                  whole.select(slice(0, 4)))
+            yield self._weighed_image(dataclasses.replace(planned, n_weighed=1, **changed), plan,
+                                      whole.select(slice(0, 4)))
 
     def _image(self, beams: BeamSampling | None, plan: AfbpPlan, some: PulseBlock) -> Experiment:
         stage = dataclasses.replace(plan.subapertures, beams=beams)
@@ -319,14 +319,14 @@ class _Experiments:
                   IMAGE_OVERHEAD: 1}
         return self._experiment('beams', counts, lambda: image.image(0, some, None, out))
 
-    def _lit_image(self, beams: BeamSampling, plan: AfbpPlan, some: PulseBlock) -> Experiment:
+    def _weighed_image(self, beams: BeamSampling, plan: AfbpPlan, some: PulseBlock) -> Experiment:
         """With an antenna that lights everything."""
         some = dataclasses.replace(some, pointing=Pointing.steered(some.phase_centre_m,
                                                                    plan.grid.centre_m))
         light = Illumination.of_pulses(AntennaPattern(PatternCut.gaussian(_WIDE_RAD)),
                                        some.pointing, some.tx_m, some.rx_m)
-        lit = LitSubapertures(light, frozenset((0,)), None, 1.0, LEAST_DB)
-        stage = dataclasses.replace(plan.subapertures, lit=lit)
+        lit = SubapertureAmplitudes(light, frozenset((0,)), None, 1.0, LEAST_DB)
+        stage = dataclasses.replace(plan.subapertures, amplitudes=lit)
         return self._image(beams, dataclasses.replace(plan, subapertures=stage), some)
 
     def _fusion(self, plan: AfbpPlan) -> Experiment:

@@ -55,7 +55,7 @@ def _stage(grid, block, pulses, target_db):
         return None
     lines = BeamformedSubaperture(types.SimpleNamespace(
         coarse=plan.polar, source=window, lattice=lattice, beams=beams, range_m=range_m,
-        lit=None))
+        amplitudes=None))
     return _Stage(part, plan.polar, lines, beams.predicted_error_db)
 
 

@@ -118,10 +118,10 @@ def test_plans_with_illumination_compare_and_count_lit_pixels_alone():
     assert isinstance(plan, Plan) and plan == again and plan != bare
     share = (lit.amplitude(grid.points()) > 0).mean()
     # of some thousand random pairs, and of tiles that are lit in part
-    assert share - 0.03 <= plan.route.lit.share <= min(1.0, 2.2 * share + 0.1)
+    assert share - 0.03 <= plan.route.amplitudes.share <= min(1.0, 2.2 * share + 0.1)
     assert 'illumination' not in bare.errors_db
     # knots of the largest pass: three coordinates in float64, 32 amplitudes in float32
-    knots = plan.route.lit.n_bytes((grid.n_y, grid.n_x), plan.route.tile) // (24 + 32 * 4)
+    knots = plan.route.amplitudes.n_bytes((grid.n_y, grid.n_x), plan.route.tile) // (24 + 32 * 4)
     assert knots >= 1 and plan.n_bytes >= lit.n_bytes + knots * (24 + 32 * 4)
 
 
@@ -137,8 +137,8 @@ def test_amplitudes_between_knots_err_as_planned(seed, tile):
     route = plan_points(points, RADAR, N_SAMPLES, tx, rx, plan.range_m, -90.0, illumination=lit)
     pairs = draw_points(lit, points.positions, points.size, tile)
     planned_db = tile_error_db(pairs, points.positions, points.size, tile)[0]
-    route = dataclasses.replace(route, tile=tile, lit=dataclasses.replace(
-        route.lit, each=False))
+    route = dataclasses.replace(route, tile=tile, amplitudes=dataclasses.replace(
+        route.amplitudes, each=False))
     found, expected = _images(dataclasses.replace(plan, route=route), samples, tx, rx)
     error_db = 10 * np.log10((np.abs(found - expected) ** 2).sum()
                              / (np.abs(expected) ** 2).sum())

@@ -18,7 +18,7 @@ from sar_imaging.imaging.correlation import correlate_profiles
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.afbp.subapertures import plan_subapertures
 from sar_imaging.planning.costs import DEFAULT, using
-from sar_imaging.planning.exact.illumination import LitLines
+from sar_imaging.planning.exact.illumination import LineAmplitudes
 from sar_imaging.planning.polar_cover import cover_map
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters
@@ -93,8 +93,8 @@ def test_subaperture_images_are_those_of_the_formula(seed, width, squint, target
     plan = plan_subapertures(polar, RADAR, N_SAMPLES, block.tx_m, block.rx_m,
                              target_db=target_db, illumination=lit)
     if direct and plan.beams is not None:
-        plan = dataclasses.replace(plan, beams=None, lit=dataclasses.replace(
-            plan.lit, lines=LitLines(1, 1.0, -90.0)))
+        plan = dataclasses.replace(plan, beams=None, amplitudes=dataclasses.replace(
+            plan.amplitudes, lines=LineAmplitudes(1, 1.0, -90.0)))
     number = len(plan.sampling.pulses) // 2
     some = block.select(plan.sampling.pulses[number])
     found, expected = (b.SubapertureImager(plan).image(number, some) for b in (cpu, reference))
@@ -111,7 +111,7 @@ def test_channels_of_a_steered_antenna_have_beams_of_their_own():
         image = plan_image(GRID, RADAR, N_SAMPLES, method='afbp', target_db=-64.0,
                            illumination=pattern)(block)
     plan = image.report.plan.subapertures
-    assert plan.beams.n_weighed == 2 and plan.lit.by_channel and not image.report.warnings
+    assert plan.beams.n_weighed == 2 and plan.amplitudes.by_channel and not image.report.warnings
     # -67.0 dB, 1.4 below the prediction
     assert _error_db(image, block, pattern) <= image.report.predicted_error_db <= -64.0
     some = block.select(plan.sampling.pulses[0])
@@ -132,7 +132,7 @@ def test_dark_subapertures_take_no_time_and_the_quicker_method_is_found():
                             method='afbp', **more).report for more in (
         {'illumination': pattern, 'pointing': block.pointing}, {}))
     plan = lit.plan.subapertures
-    assert 0 < len(plan.lit.seen) < plan.n_subapertures and lit.seconds < bare.seconds
+    assert 0 < len(plan.amplitudes.seen) < plan.n_subapertures and lit.seconds < bare.seconds
     exact = plan_image(GRID, RADAR, N_SAMPLES, block.tx_m, block.rx_m, target_db=-50.0,
                        method='exact', illumination=pattern, pointing=block.pointing)
     assert exact.report.seconds < plan_image(GRID, RADAR, N_SAMPLES, block.tx_m, block.rx_m,

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import os
 import pathlib
 import subprocess
@@ -109,6 +110,19 @@ def test_a_device_that_is_not_there_is_one_line(tmp_path, capsys, monkeypatch):
     assert command.main(['measure-costs', '--device', '--output', str(path)]) == 1
     assert capsys.readouterr().err == 'error: the CUDA driver finds no device\n'
     assert not path.exists()
+
+
+def test_a_file_of_before_has_former_names(tmp_path):
+    path = tmp_path / 'costs.json'
+    known = dataclasses.asdict(DEFAULT) | {'lit_image': 3.0, 'lit_knot': 4.0}
+    path.write_text(json.dumps({name: value for name, value in known.items()
+                                if name not in ('weighed_image', 'amplitude_node')}))
+    with pytest.warns(DeprecationWarning, match='is now weighed_image, amplitude_node'):
+        assert CostModel.read(path) == dataclasses.replace(DEFAULT, weighed_image=3.0,
+                                                           amplitude_node=4.0)
+    path.write_text('[1.0]')
+    with pytest.raises(ValueError, match='holds no costs'):
+        CostModel.read(path)
 
 
 def test_a_process_plans_with_the_file_of_its_environment(tmp_path):

@@ -933,7 +933,7 @@ class BeamformedSubaperture:
         self._lines = segment_middles(polar.locate, np.arange(polar.n_alpha),
                                       polar.n_range, sampling.segment)
         self._edges = grid_edges(polar)
-        self._amplitudes = plan.lit and AmplitudeParabolas(polar, sampling.segment)
+        self._amplitudes = plan.amplitudes and AmplitudeParabolas(polar, sampling.segment)
 
     def fill(self, samples, tx_m, rx_m, image, weights=None,
              nodes: tuple[AmplitudeNodes, ...] | None = None) -> None:
@@ -1021,7 +1021,7 @@ class SubapertureImager:
         self.plan = plan
         self._lines = BeamformedSubaperture(plan) if plan.beams else PolarLines(
             plan.coarse, Profiles(plan.source, plan.lattice, plan.range_m),
-            plan.lit and plan.lit.lines)
+            plan.amplitudes and plan.amplitudes.lines)
 
     def image(self, number: int, block: PulseBlock, weights=None, out=None) -> np.ndarray:
         """Backproject one sub-aperture, see `backends.protocol.SubapertureImager`."""

@@ -23,7 +23,7 @@ from ...planning.exact.points import ImagePoints
 
 if TYPE_CHECKING:
     from ...geometry.illumination import Illumination
-    from ...planning.exact.illumination import LitPoints
+    from ...planning.exact.illumination import PointAmplitudes
 
 
 class Antennas(NamedTuple):
@@ -169,7 +169,7 @@ class TileNodes:
         One part of an image.
     tile : (int, int)
         Rows and columns of a tile.
-    interpolation : LitPoints
+    interpolation : PointAmplitudes
         Where nodes lie.
 
     Attributes
@@ -180,7 +180,7 @@ class TileNodes:
         1 where one has no position.
     """
 
-    def __init__(self, points: ImagePoints, tile: tuple[int, int], interpolation: LitPoints):
+    def __init__(self, points: ImagePoints, tile: tuple[int, int], interpolation: PointAmplitudes):
         rows, columns = interpolation.knots(points.size, tile)
         self._positions = points.positions(rows[:, None], columns).reshape(-1)
         self.line = len(columns)

@@ -28,7 +28,7 @@ from .profiles import Profiles
 if TYPE_CHECKING:
     from ...geometry.illumination import Illumination
     from ...planning.exact.backprojection import BackprojectionPlan
-    from ...planning.exact.illumination import LitLines
+    from ...planning.exact.illumination import LineAmplitudes
 
 LINES = 32  # image lines whose geometry is computed together
 _VECTOR = 32  # pixels that are added together, at most
@@ -455,9 +455,9 @@ class GridLineImages:
         self._ramp = _phasor(self._profiles.cycles_per_step * route.lattice.n_phases
                              * np.arange(lines.n_pixels))
         self._tiles = None
-        if route.lit is not None:
+        if route.amplitudes is not None:
             echoes = Antennas.of(plan.illumination)
-            self._tiles = [TileAmplitudes(echoes, *route.lit.knots(
+            self._tiles = [TileAmplitudes(echoes, *route.amplitudes.knots(
                 lines.locate(layer), lines.n_lines, lines.n_pixels, segment))
                 for layer in range(len(lines.layouts))]
 
@@ -473,7 +473,7 @@ class PolarLines:
     Cells of the profiles are about as long as the range spacing of the grid.
     """
 
-    def __init__(self, polar: PolarGrid, profiles: Profiles, nodes: LitLines | None = None):
+    def __init__(self, polar: PolarGrid, profiles: Profiles, nodes: LineAmplitudes | None = None):
         lattice = profiles.lattice
         self._polar, self._profiles = polar, profiles
         size = polar.n_alpha, polar.n_range, lattice.segment

@@ -125,7 +125,8 @@ def project_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m
     profiles = Profiles(plan.window, plan.lattice, plan.range_m, memory)
     tx_m, rx_m = plain(tx_m, rx_m)
     work, tiles = PointWork.for_threads(), [PointTiles.of(points, plan) for points in layers]
-    nodes = [plan.lit and TileNodes(points, plan.tile, plan.lit) for points in layers]
+    nodes = [plan.amplitudes and TileNodes(points, plan.tile, plan.amplitudes)
+             for points in layers]
     for echoes in profiles.chunks(len(samples)):
         some = PointProfiles.of(profiles, samples[echoes])
         for layer, part, there in zip(tiles, np.split(image, len(layers)), nodes, strict=True):
@@ -251,7 +252,7 @@ class PointIllumination(NamedTuple):
            ) -> PointIllumination:
         """Of the points of a plan, by some echoes."""
         echoes = PointAntennas.of(illumination)
-        return cls(*echoes, Antennas.of(illumination).ends, int(plan.lit.each),
+        return cls(*echoes, Antennas.of(illumination).ends, int(plan.amplitudes.each),
                    tiles.line, tiles.unknown, tiles.amplitudes(echoes), *(
                        v.astype(np.float32) for v in np.divmod(np.arange(TILE), plan.tile[1])))
 

@@ -157,7 +157,7 @@ class PolarImage:
         route = self._route = plan.route
         self._grid: MapGrid = plan.grid
         profiles = Profiles(route.window, route.lattice, route.range_m, memory)
-        self._lines = PolarLines(route.projected, profiles, route.lit)
+        self._lines = PolarLines(route.projected, profiles, route.amplitudes)
         self._illumination = plan.illumination
         self._merging = route.parts and AzimuthUpsampling(route.parts)
         self._memory = memory

@@ -256,7 +256,7 @@ class _Polar:
         profiles = line_profiles(route.window, route.lattice, route.range_m)
         coarse, read = (route.polar, lines) if merging is None else (
             route.parts.coarse, merging.read)
-        self._lines = polar_lines(coarse, profiles, read, route.lit)
+        self._lines = polar_lines(coarse, profiles, read, route.amplitudes)
         self._merging = merging
 
     def add(self, samples, tx_m, rx_m, image) -> None:
@@ -287,7 +287,7 @@ class _AlongLines:
         self._illumination = plan.illumination
         self._lines = Lines(profiles, layers, lines.n_pixels,
                             ramp(profiles.cycles_per_step * route.lattice.n_phases,
-                                 lines.n_pixels), route.lit, tile.rows, lines.n_lines)
+                                 lines.n_pixels), route.amplitudes, tile.rows, lines.n_lines)
 
     def add(self, samples, tx_m, rx_m, image) -> None:
         self._lines.add(samples, tx_m, rx_m, image, self._illumination)

@@ -490,7 +490,7 @@ class Beams:
         self._table = xp.asarray(np.exp(sampling.between.log_gain).astype(np.float32))
         self._weights = [xp.asarray(v.weights) for v in (sampling.between.interpolator,
                                                          sampling.along)]
-        self._amplitudes = plan.lit and _AmplitudeParabolas(polar, sampling.segment)
+        self._amplitudes = plan.amplitudes and _AmplitudeParabolas(polar, sampling.segment)
         # neighbours that may share phases, as the processor's do
         self._form = form_beams if sampling.group >= BEAMS else form_single_beams
 

@@ -48,8 +48,8 @@ class DeviceCosts(CostModel):
     beam_cell: float = 6e-3
     beam_pixel: float = 1.3e-2
     beam_segment: float = 1.3e-3
-    lit_image: float = 5.9e4
-    lit_knot: float = 1.3e-1
+    weighed_image: float = 5.9e4
+    amplitude_node: float = 1.3e-1
     coarse_pixel: float = 1.3e-2
     fine_pixel: float = 1e-3
     subaperture: float = 2.6e5

@@ -11,7 +11,7 @@ from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
 from ...planning.exact.points import PointPlan
 from ...planning.exact.polar_image import PolarPlan
 
-_ROUTE = {'window', 'lattice', 'errors_db', 'cost', 'lit'}
+_ROUTE = {'window', 'lattice', 'errors_db', 'cost', 'amplitudes'}
 _KNOWN = {BackprojectionPlan: {'grid', 'radar', 'tx_m', 'rx_m', 'range_m', 'route', 'warnings',
                               'illumination'},
           LinePlan: _ROUTE | {'lines'},
@@ -20,7 +20,7 @@ _KNOWN = {BackprojectionPlan: {'grid', 'radar', 'tx_m', 'rx_m', 'range_m', 'rout
                              'wavelength_m'},
           SubaperturePlan: {'polar', 'given', 'source', 'n_samples', 'n_channels', 'sampling',
                             'fusion_grid', 'lattice', 'beams', 'range_m', 'limits', 'warnings',
-                            'lit'}}
+                            'amplitudes'}}
 
 
 def refuse_unknown(plan) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
-from ...planning.exact.illumination import LINES as NODE_LINES, LitLines, knot_positions
+from ...planning.exact.illumination import LINES as NODE_LINES, LineAmplitudes, knot_positions
 from ...planning.profiles import PhaseHistory, RangeGate, RangeResampling
 from .arrays import cuda, function, kernel, launch, load_pair, pairs, xp
 from .illumination import Antennas
@@ -400,7 +400,7 @@ class Lines:
         Number of pixels of a line.
     ramp : (n_pixels,) complex64
         Factor of each pixel of a line: the carrier phase that all lines share.
-    nodes : LitLines, optional
+    nodes : LineAmplitudes, optional
         Nodes of the echoes' amplitudes.
     rows : slice, optional
         Which lines they are, of so many as `locate` knows, if not all; and these.
@@ -408,7 +408,7 @@ class Lines:
     """
 
     def __init__(self, profiles: Profiles, layers, n_pixels: int, ramp: np.ndarray,
-                 nodes: LitLines | None = None, rows: slice | None = None, n_lines: int = 0):
+                 nodes: LineAmplitudes | None = None, rows: slice | None = None, n_lines: int = 0):
         self.profiles, segment = profiles, profiles.lattice.segment
         self._n_lines, self._ramp = int(layers[0][1][0]), xp.asarray(ramp)
         rows, n_lines = rows or slice(0, self._n_lines), n_lines or self._n_lines
@@ -498,7 +498,7 @@ def line_profiles(source: RangeGate | PhaseHistory, lattice: RangeResampling,
 
 
 def polar_lines(polar: PolarGrid, profiles: Profiles, rows: slice | None = None,
-                nodes: LitLines | None = None) -> Lines:
+                nodes: LineAmplitudes | None = None) -> Lines:
     """Lines of a polar image at range baseband, (2, n, n_range) float32, or n `rows` of them.
 
     Their sum is that of `backends.reference.project_lines`.

@@ -462,7 +462,7 @@ class Points:
     def __init__(self, plan: PointPlan, layers: Sequence[ImagePoints], rows: slice | None = None):
         self._plan, self._profiles = plan, Profiles(plan.window, plan.lattice, plan.range_m)
         rows = rows or slice(0, layers[0].size[0])
-        self._nodes = [plan.lit and _Nodes(points, rows, plan) for points in layers]
+        self._nodes = [plan.amplitudes and _Nodes(points, rows, plan) for points in layers]
         self._layers = [self._prepared(rows_of_points(points, rows)) for points in layers]
 
     def _prepared(self, points: ImagePoints) -> tuple:
@@ -508,14 +508,14 @@ class _Nodes:
 
     def __init__(self, points: ImagePoints, rows: slice, plan: PointPlan):
         (n_y, n_x), (height, _) = points.size, plan.tile
-        down, across = plan.lit.knots(points.size, plan.tile)
-        if plan.lit.each:
+        down, across = plan.amplitudes.knots(points.size, plan.tile)
+        if plan.amplitudes.each:
             down = down[:0]  # none is read
         elif height > 1:
             down = down[2 * (rows.start // height):2 * -(-rows.stop // height) + 1]
         positions = points.positions(down[:, None], across).reshape(-1, 3)
         self._positions = xp.asarray(np.ascontiguousarray(positions.T))
-        self._how = xp.asarray(np.array([len(across), plan.lit.each, n_y - rows.start, n_x],
+        self._how = xp.asarray(np.array([len(across), plan.amplitudes.each, n_y - rows.start, n_x],
                                         np.int64))
         self.echo_bytes = 4 * len(positions)
 

@@ -55,7 +55,7 @@ class SubapertureImager:
         self._beams = plan.beams and Beams(plan)
         self._lines = None if plan.beams else polar_lines(
             plan.coarse, line_profiles(plan.source, plan.lattice, plan.range_m),
-            nodes=plan.lit and plan.lit.lines)
+            nodes=plan.amplitudes and plan.amplitudes.lines)
 
     @property
     def image_bytes(self) -> int:
@@ -165,7 +165,8 @@ class ApertureFusion:
     def groups(self) -> Iterator[list[int]]:
         """Numbers of the sub-apertures that are computed together; those that see nothing not."""
         plan, coarse = self.plan, self.plan.coarse
-        numbers = range(plan.n_subapertures) if plan.lit is None else sorted(plan.lit.seen)
+        numbers = (range(plan.n_subapertures) if plan.amplitudes is None
+                   else sorted(plan.amplitudes.seen))
         # with what fusion and the samples in their turn take
         echoes = max(some.stop - some.start for some in plan.sampling.pulses) * plan.n_channels
         one = (self._imager.image_bytes + 3 * 8 * coarse.n_alpha * coarse.n_range
@@ -190,7 +191,7 @@ class ApertureFusion:
         pieces = in_pieces(block.samples, spans)
         shown = tqdm(groups, desc='sub-apertures', unit='group', disable=not progress)
         for numbers, (span, samples) in zip(shown, pieces, strict=True):
-            some = block.select(span) if plan.lit is not None else None
+            some = block.select(span) if plan.amplitudes is not None else None
             relative = [slice(pulses[k].start - span.start, pulses[k].stop - span.start)
                    for k in numbers]
             images = self._imager.project_all(

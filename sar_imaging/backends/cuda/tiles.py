@@ -85,8 +85,9 @@ def _lines(plan: BackprojectionPlan):
     lines, segment = plan.route.lines, plan.route.lattice.segment
     n_segments = -(-lines.n_pixels // segment)
     row_bytes = IMAGE_BYTES * lines.n_pixels + _LINE_BYTES * n_segments
-    if plan.route.lit is not None:
-        row_bytes += plan.route.lit.n_bytes(lines.n_lines, lines.n_pixels, segment) / lines.n_lines
+    if plan.route.amplitudes is not None:
+        row_bytes += plan.route.amplitudes.n_bytes(
+            lines.n_lines, lines.n_pixels, segment) / lines.n_lines
 
     def tiles(rows: slice) -> Iterator[Tile]:
         shape = rows.stop - rows.start, lines.n_pixels
@@ -105,8 +106,8 @@ def _points(plan: BackprojectionPlan):
     (n_rows, n_columns), height = layers[0].size, plan.route.tile[0]
     row_bytes = IMAGE_BYTES * n_columns + _COORDINATE_BYTES * sum(
         n_columns if stride[1] else 1 for stride in layers[0].strides if stride[0])
-    if plan.route.lit is not None:
-        row_bytes += plan.route.lit.n_bytes((n_rows, n_columns), plan.route.tile) / n_rows
+    if plan.route.amplitudes is not None:
+        row_bytes += plan.route.amplitudes.n_bytes((n_rows, n_columns), plan.route.tile) / n_rows
 
     def tiles(rows: slice) -> Iterator[Tile]:
         for layer in range(len(layers)):
@@ -125,9 +126,9 @@ def _strips(plan: BackprojectionPlan):
     # as many lines of the polar image as rows of the map, or more
     lines = max(1.0, route.polar.n_alpha / n_rows)
     row_bytes = IMAGE_BYTES * (n_pixels + lines * route.polar.n_range)
-    if route.lit is not None:
+    if route.amplitudes is not None:
         coarse = route.polar if route.parts is None else route.parts.coarse
-        row_bytes += route.lit.n_bytes(*coarse.shape, route.lattice.segment) / n_rows
+        row_bytes += route.amplitudes.n_bytes(*coarse.shape, route.lattice.segment) / n_rows
     step = max(1, round(_LEAST_LINES / lines))
 
     def tiles(rows: slice) -> Iterator[Tile]:

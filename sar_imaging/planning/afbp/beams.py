@@ -442,7 +442,7 @@ class BeamSampling:
         n_images *= max(1, self.n_weighed)
         counts = _operations(self.n_beams(span), self.group, self.paired, self.segment, n_echoes,
                              lattice, n_pixels, n_images)
-        return counts | {'lit_image': n_images} if self.n_weighed else counts
+        return counts | {'weighed_image': n_images} if self.n_weighed else counts
 
 
 def least_operations(n_echoes: int, lattice: RangeResampling, n_pixels: int,

@@ -24,7 +24,7 @@ from ...geometry.track import mean_centres
 from ...signal.pulses import PulseBlock
 from ...signal.radar import RadarParameters
 from ..echo_power import echo_power
-from ..exact.illumination import Echoes, ImageLines, LitLines, plan_lit_segments
+from ..exact.illumination import Echoes, ImageLines, LineAmplitudes, plan_weighed_segments
 from ..lit_pairs import MOST_PAIRS, LitPairs, bounded_ratio, pair_amplitude
 from ..plan import AFBP_SHARES, error_budget
 from ..profiles import RangeResampling
@@ -38,7 +38,7 @@ _LOOKED_AT = 9  # directions and ranges, to tell which sub-apertures see the gri
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class LitSubapertures:
+class SubapertureAmplitudes:
     """How the images of a plan's sub-apertures are weighed.
 
     Attributes
@@ -47,7 +47,7 @@ class LitSubapertures:
         Illumination of the echoes of the aperture.
     seen : frozenset of int
         Sub-apertures that light a part of the grid; the others add nothing.
-    lines : LitLines or None
+    lines : LineAmplitudes or None
         Lines of images to which pulses are added directly.
     power : float
         Mean square of the amplitude over all pulses and pixels.
@@ -59,7 +59,7 @@ class LitSubapertures:
 
     illumination: Illumination
     seen: frozenset[int]
-    lines: LitLines | None
+    lines: LineAmplitudes | None
     power: float
     predicted_error_db: float
     by_channel: bool = False
@@ -80,9 +80,10 @@ class LitSubapertures:
         """Power of a sub-aperture's echoes and error of their amplitudes.
 
         Both are relative to the power of the echoes that were planned for; arguments are as of
-        `LitError`.
+        `AmplitudeError`.
         """
-        found = LitError(polar, radar, tx_m, rx_m, illumination, self.predicted_error_db, _PAIRS)
+        found = AmplitudeError(polar, radar, tx_m, rx_m, illumination, self.predicted_error_db,
+                               _PAIRS)
         if self.lines is not None:  # which err alike wherever the antenna looks
             wrong = found.power * 10 ** (self.predicted_error_db / 10)
         else:
@@ -148,7 +149,7 @@ def parabola(place, value) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return y[0] - x[0] * (b + c * x[0]), b, c
 
 
-class LitError:
+class AmplitudeError:
     """Predicted error of parabolas over sub-apertures of any length, from random lit pairs.
 
     Parameters
@@ -206,7 +207,7 @@ class LitError:
         return self._n_channels if by_channel else None
 
     def plan(self, coarse: PolarGrid, lattice: RangeResampling, beams: BeamSampling | None,
-             pulses) -> tuple[RangeResampling, LitSubapertures]:
+             pulses) -> tuple[RangeResampling, SubapertureAmplitudes]:
         """How images of sub-apertures are weighed, and how their lines read the profiles.
 
         Parameters
@@ -228,10 +229,11 @@ class LitError:
         if beams is not None:
             error = (self.error(pulses, beams.n_weighed > 1)
                      + self._along_range(coarse, beams.segment * coarse.range_spacing_m))
-            return lattice, LitSubapertures(lit, seen, None, self.power,
-                                            10 * math.log10(error + _LEAST), beams.n_weighed > 1)
+            return lattice, SubapertureAmplitudes(lit, seen, None, self.power,
+                                                  10 * math.log10(error + _LEAST),
+                                                  beams.n_weighed > 1)
         starts = tuple(p.start * n_channels for p in pulses)
-        lattice, lines, _ = plan_lit_segments(
+        lattice, lines, _ = plan_weighed_segments(
             lit, ImageLines.of_polar(coarse), Echoes(self._tx_m.reshape(-1, 3),
                                                      self._rx_m.reshape(-1, 3), starts,
                                                      self._radar),
@@ -239,8 +241,8 @@ class LitError:
         if lines is None:
             raise ValueError('amplitudes change too much from pixel to pixel of the sub-aperture '
                              'images; use exact backprojection')
-        return lattice, LitSubapertures(lit, seen, lines, self.power,
-                                        lines.predicted_error_db)
+        return lattice, SubapertureAmplitudes(lit, seen, lines, self.power,
+                                              lines.predicted_error_db)
 
     def error(self, pulses, by_channel: bool = False) -> float:
         """Mean square relative to the power of the image; `pulses` are the sub-apertures'."""

@@ -162,14 +162,15 @@ class LivePlan(AfbpPlan):
             return None
         worst_db, power_db = error_db, 0.0
         if illumination is not None:
-            power, lit = plan.lit.of_subaperture(plan.polar, plan.radar, tx_m, rx_m, illumination)
+            power, lit = plan.amplitudes.of_subaperture(plan.polar, plan.radar, tx_m, rx_m,
+                                                        illumination)
             lit_db, power_db = (10 * math.log10(v + _LEAST) for v in (lit, power))
-            if plan.lit.lines is not None:  # amplitudes between knots err at least as planned
-                lit_db = max(lit_db, power_db + plan.lit.predicted_error_db)
+            if plan.amplitudes.lines is not None:  # between knots they err at least as planned
+                lit_db = max(lit_db, power_db + plan.amplitudes.predicted_error_db)
             # The brightest may err more. Of sub-apertures of a length that was asked for,
             # amplitudes may err as planned.
             worst_db = max(error_db + min(power_db, 0.0), min(
-                lit_db, lit_db - plan.lit.predicted_error_db + self.limit_db - _UNLIKE_DB))
+                lit_db, lit_db - plan.amplitudes.predicted_error_db + self.limit_db - _UNLIKE_DB))
             error_db = total_db(error_db + power_db, lit_db)
             reading += power_db
         if (worst_db > self.limit_db or reading > self.reading_limit_db

@@ -84,7 +84,7 @@ class AfbpPlan(Plan):
         if cover is not None:
             errors |= {'polar to map': cover.resampling_db, 'ends of profiles': cover.profile_db}
         pixels = _map_pixels(grid) if isinstance(grid, MapGrid) else some_pixels(grid)
-        illumination = plan.lit and plan.lit.illumination
+        illumination = plan.amplitudes and plan.amplitudes.illumination
         start, stop = covered_ranges(plan.given, plan.n_samples)
         # phase histories repeat
         within = plan.source.periodic or start <= plan.range_m[0] <= plan.range_m[1] <= stop
@@ -156,7 +156,7 @@ def _check_seconds(seconds: float, n_pairs: int) -> None:
 
 def _operations(grid, plan: SubaperturePlan) -> dict[str, float]:
     n_echoes = plan.n_channels * sum(p.stop - p.start for p in plan.sampling.pulses)
-    seen = plan.n_subapertures if plan.lit is None else len(plan.lit.seen)
+    seen = plan.n_subapertures if plan.amplitudes is None else len(plan.amplitudes.seen)
     counts = {'image': 1 + seen,
               'map_pixel': grid.n_x * grid.n_y if isinstance(grid, MapGrid) else 0}
     n_echoes = n_echoes * seen / plan.n_subapertures
@@ -168,7 +168,7 @@ def _n_bytes(grid, plan: SubaperturePlan) -> int:
     """Fused spectrum, two sub-aperture images, and the image: a map may take the spectrum's."""
     fused, coarse = plan.fusion_grid, plan.coarse
     spectrum = fused.n_fine * len(fused.range_wavenumbers)
-    lit = 0 if plan.lit is None else plan.lit.n_bytes(
+    lit = 0 if plan.amplitudes is None else plan.amplitudes.n_bytes(
         coarse, plan.beams.segment if plan.beams else plan.lattice.segment)
     return lit + IMAGE_BYTES * (spectrum + 2 * coarse.n_alpha * coarse.n_range
                                 + math.prod(grid.shape))

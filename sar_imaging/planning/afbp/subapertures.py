@@ -58,7 +58,12 @@ from .beams import (
     least_operations,
     plan_beams,
 )
-from .lit_subapertures import AmplitudeNodes, LitError, LitSubapertures, amplitude_nodes
+from .lit_subapertures import (
+    AmplitudeError,
+    AmplitudeNodes,
+    SubapertureAmplitudes,
+    amplitude_nodes,
+)
 from .polar_grids import FusionSizes, UnifiedPolarGrids, map_density
 
 SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
@@ -651,7 +656,7 @@ class SubaperturePlan(Plan):
         added to them directly.
     limits : Limits
         Geometry that the plan was made for.
-    lit : LitSubapertures or None
+    amplitudes : SubapertureAmplitudes or None
         How images are weighed; None where all pixels are lit alike.
     """
 
@@ -667,7 +672,7 @@ class SubaperturePlan(Plan):
     range_m: tuple[float, float]
     limits: Limits
     warnings: tuple[str, ...]
-    lit: LitSubapertures | None = None
+    amplitudes: SubapertureAmplitudes | None = None
 
     @property
     def radar(self) -> RadarParameters:
@@ -689,8 +694,8 @@ class SubaperturePlan(Plan):
         """Predicted error of the fused polar image by cause, dB."""
         errors = {'sub-aperture images': (self.beams or self.lattice).predicted_error_db,
                   'fusion': self.sampling.error_db}
-        return errors if self.lit is None else {
-            **errors, 'illumination': self.lit.predicted_error_db}
+        return errors if self.amplitudes is None else {
+            **errors, 'illumination': self.amplitudes.predicted_error_db}
 
     def __str__(self) -> str:
         s, lengths = self.fusion_grid, [p.stop - p.start for p in self.sampling.pulses]
@@ -703,9 +708,9 @@ class SubaperturePlan(Plan):
 
     def illumination_of(self, block: PulseBlock) -> Illumination | None:
         """Of the echoes of a sub-aperture's pulses; None where all pixels are lit alike."""
-        if self.lit is None:
+        if self.amplitudes is None:
             return None
-        lit = self.lit.illumination
+        lit = self.amplitudes.illumination
         return Illumination.of_pulses(lit.pattern, block.pointing, block.tx_m, block.rx_m,
                                       foreseen=lit.foreseen)
 
@@ -714,9 +719,9 @@ class SubaperturePlan(Plan):
 
         None where all pixels are lit alike.
         """
-        if self.lit is None or self.beams is None:
+        if self.amplitudes is None or self.beams is None:
             return self.illumination_of(block)
-        return amplitude_nodes(self.lit.illumination.pattern, block, self.beams.n_weighed)
+        return amplitude_nodes(self.amplitudes.illumination.pattern, block, self.beams.n_weighed)
 
     def image_operations(self, n_echoes: int, n_images: int = 1) -> dict[str, float]:
         """How often forming sub-aperture images does the operations of `CostModel`.
@@ -730,7 +735,8 @@ class SubaperturePlan(Plan):
         span = coarse.n_alpha * coarse.alpha_spacing
         counts = beams.operations(n_echoes, lattice, n_pixels, span, n_images)
         if beams.n_weighed:
-            counts['lit_knot'] = counts['lit_image'] * self.lit.n_knots(coarse, beams.segment)
+            counts['amplitude_node'] = counts['weighed_image'] * self.amplitudes.n_knots(
+                coarse, beams.segment)
         relative_bandwidth = (n_bins * self.radar.wavelength_m
                               / (2 * lattice.n_cells * lattice.cell_m))
         half = min(n_bins, lattice.n_cells) / 2
@@ -852,8 +858,8 @@ class _Planner:
                 paths, polar.lines(*polar.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE))[0])
         bands = local_spectrum(polar, tx_m, rx_m, radar, self.illumination,
                                self.coverage.wanted_ranges)
-        lit = self.illumination and LitError(polar, radar, tx_m, rx_m, self.illumination,
-                                             self.target_db)
+        lit = self.illumination and AmplitudeError(polar, radar, tx_m, rx_m, self.illumination,
+                                                   self.target_db)
         ratio = self._ratio(bands, ratio)
         usual = dataclasses.replace(polar, n_range=polar.n_range * ratio[0] // ratio[1],
                                     range_spacing_m=polar.range_spacing_m * ratio[1] / ratio[0])

@@ -47,7 +47,7 @@ from .points import (
 
 if TYPE_CHECKING:
     from ...geometry.illumination import Illumination
-    from .illumination import LitLines
+    from .illumination import LineAmplitudes
     from .polar_image import PolarPlan
 
 _SAMPLES_PER_SIDE = {2: 5, 3: 3}  # grid positions at which the geometry is bounded, by axes
@@ -163,7 +163,7 @@ class LinePlan(Plan):
         Its lines along which range grows.
     cost : float
         Nanoseconds per pixel.
-    lit : LitLines or None
+    amplitudes : LineAmplitudes or None
         Knots of the echoes' amplitudes; None where all pixels are lit alike.
     """
 
@@ -172,18 +172,18 @@ class LinePlan(Plan):
     lattice: RangeResampling
     errors_db: Mapping[str, float]
     cost: float
-    lit: LitLines | None = None
+    amplitudes: LineAmplitudes | None = None
 
     method = 'lines'
 
     def operations(self, grid: EvenGrid, n_echoes: int) -> dict[str, float]:
         """How often the operations of `CostModel` are done."""
-        share = 1.0 if self.lit is None else self.lit.share
+        share = 1.0 if self.amplitudes is None else self.amplitudes.share
         return {'image': 1} | self.lattice.operations(n_echoes, math.prod(grid.shape) * share)
 
     def n_bytes(self, grid: EvenGrid) -> int:
         """Memory that adding the echoes takes besides the image, bytes."""
-        return 0 if self.lit is None else self.lit.n_bytes(
+        return 0 if self.amplitudes is None else self.amplitudes.n_bytes(
             self.lines.n_lines, self.lines.n_pixels, self.lattice.segment, len(self.lines.layouts))
 
     def __str__(self) -> str:
@@ -345,10 +345,10 @@ def _plan_lines(lines, radar, n_samples, tx_m, rx_m, n_axes, target_db, illumina
     lattice = plan_resampling(paths, 1.0, lines.n_pixels, radar, window.n_samples, target_db)
     lit, more = None, {}
     if lattice is not None and illumination is not None:
-        from .illumination import plan_lit_lines
+        from .illumination import plan_line_amplitudes
 
-        lattice, lit, more = plan_lit_lines(illumination, lines, tx_m, rx_m, radar, window,
-                                            lattice, target_db)
+        lattice, lit, more = plan_line_amplitudes(illumination, lines, tx_m, rx_m, radar, window,
+                                                  lattice, target_db)
     if lattice is None or lattice.cost >= costs().point_pixel:
         return None
     errors = {'range profiles': lattice.predicted_error_db,

@@ -186,7 +186,7 @@ _LEAST_SEGMENT = 8
 
 
 @dataclasses.dataclass(frozen=True)
-class LitLines:
+class LineAmplitudes:
     """Knots of amplitudes over lines.
 
     Attributes
@@ -251,16 +251,16 @@ def knot_positions(locate: Callable, n_lines: int, n_pixels: int, segment: int, 
             between.astype(np.float32))
 
 
-def plan_lit_lines(illumination: Illumination, lines: GridLines, tx_m, rx_m,
-                   radar: RadarParameters, window: RangeGate, lattice: RangeResampling,
-                   target_db: float
-                   ) -> tuple[RangeResampling | None, LitLines | None, dict[str, float]]:
-    """As `plan_lit_segments`, for lines of a grid itself, and errors by cause, dB.
+def plan_line_amplitudes(illumination: Illumination, lines: GridLines, tx_m, rx_m,
+                         radar: RadarParameters, window: RangeGate, lattice: RangeResampling,
+                         target_db: float) -> tuple[
+                             RangeResampling | None, LineAmplitudes | None, dict[str, float]]:
+    """As `plan_weighed_segments`, for lines of a grid itself, and errors by cause, dB.
 
     Phase centres (R, 3) in metres; `lattice` reads the profiles, of which `window` is needed, for
     the lines without illumination.
     """
-    lattice, lit, pairs = plan_lit_segments(
+    lattice, lit, pairs = plan_weighed_segments(
         illumination, ImageLines.of_grid(lines), Echoes(tx_m, rx_m, (0,), radar), lattice,
         target_db, error_budget(target_db, EXACT_SHARES)['illumination'])
     return lattice, lit, {} if lattice is None else {
@@ -268,9 +268,9 @@ def plan_lit_lines(illumination: Illumination, lines: GridLines, tx_m, rx_m,
         'illumination': lit.predicted_error_db}
 
 
-def plan_lit_segments(illumination: Illumination, lines: ImageLines, echoes: Echoes,
-                      lattice: RangeResampling, profiles_db: float, lit_db: float
-                      ) -> tuple[RangeResampling | None, LitLines | None, LitPairs]:
+def plan_weighed_segments(illumination: Illumination, lines: ImageLines, echoes: Echoes,
+                          lattice: RangeResampling, profiles_db: float, lit_db: float
+                          ) -> tuple[RangeResampling | None, LineAmplitudes | None, LitPairs]:
     """Knots over lines, with shorter segments where phasors or amplitudes bend much.
 
     Parameters
@@ -288,7 +288,7 @@ def plan_lit_segments(illumination: Illumination, lines: ImageLines, echoes: Ech
     -------
     lattice : RangeResampling or None
         With the error of what is lit; None where no segments are short enough.
-    lit : LitLines or None
+    amplitudes : LineAmplitudes or None
         Likewise.
     pairs : LitPairs
         Pairs of which the errors were told.
@@ -296,7 +296,7 @@ def plan_lit_segments(illumination: Illumination, lines: ImageLines, echoes: Ech
     pairs = LitPairs.draw(illumination, lines.positions, (lines.n_lines, lines.n_pixels),
                           (LINES, max(lattice.segment // 2, 1)), flat=lines.flat)
     if not len(pairs):
-        return lattice, LitLines(APART[0], pairs.share, LEAST_DB), pairs
+        return lattice, LineAmplitudes(APART[0], pairs.share, LEAST_DB), pairs
     while True:
         phasors = SegmentPhasors(pairs, lines, echoes, lattice)
         fitted = _fitted(lattice, phasors, pairs, echoes.radar)
@@ -322,7 +322,7 @@ def _fitted(lattice, phasors, pairs, radar) -> RangeResampling | None:
         pairs.error_db(read + phasors.squares)))
 
 
-def _fewest_knots(pairs, lines, phasors, segment: int, wanted_db: float) -> LitLines:
+def _fewest_knots(pairs, lines, phasors, segment: int, wanted_db: float) -> LineAmplitudes:
     """Lines between knots that meet an error, or the best there are."""
     line, pixel = pairs.index
     half = max(segment // 2, 1)
@@ -338,7 +338,7 @@ def _fewest_knots(pairs, lines, phasors, segment: int, wanted_db: float) -> LitL
         error_db = 10 * math.log10(max(error, 0.0) + 10 ** (LEAST_DB / 10))
         if error_db <= wanted_db:
             break
-    return LitLines(apart, _share_of_tiles(pairs, lines, segment), error_db)
+    return LineAmplitudes(apart, _share_of_tiles(pairs, lines, segment), error_db)
 
 
 def _share_of_tiles(pairs: LitPairs, lines: ImageLines, segment: int) -> float:
@@ -360,7 +360,7 @@ _ROUNDING, _STEP = 3e-8, 1e-3  # and step for derivatives, of a cut
 
 
 @dataclasses.dataclass(frozen=True)
-class LitPoints:
+class PointAmplitudes:
     """How amplitudes are found at points: by parabolas along the rows and columns of tiles.
 
     Attributes
@@ -403,8 +403,9 @@ def knot_numbers(size: int, side: int) -> np.ndarray:
     return np.append(np.stack([first, first + (last - first) // 2], axis=1).ravel(), size - 1)
 
 
-def plan_lit_points(illumination: Illumination, positions: Callable, shape: tuple[int, int],
-                    tiles, wanted_db: float) -> tuple[tuple[int, int], LitPoints, LitPairs]:
+def plan_point_amplitudes(illumination: Illumination, positions: Callable, shape: tuple[int, int],
+                          tiles, wanted_db: float
+                          ) -> tuple[tuple[int, int], PointAmplitudes, LitPairs]:
     """Choose the largest tile over which parabolas meet an error.
 
     Where none does, amplitudes are found at each point, in the first tile. Returned are also the
@@ -418,15 +419,17 @@ def plan_lit_points(illumination: Illumination, positions: Callable, shape: tupl
     for tile in large if len(pairs) else ():
         error_db, dark = tile_error_db(pairs, positions, shape, tile)
         if error_db <= wanted_db:
-            return tile, LitPoints(False, min(1.0, pairs.share * (1 + dark)),
-                                   _DEARER[math.prod(tile)],
-                                   total_db(error_db, rounded_db)), pairs
-    return tiles[0], LitPoints(True, pairs.share, dearer, rounded_db), pairs
+            return tile, PointAmplitudes(False, min(1.0, pairs.share * (1 + dark)),
+                                         _DEARER[math.prod(tile)],
+                                         total_db(error_db, rounded_db)), pairs
+    return tiles[0], PointAmplitudes(True, pairs.share, dearer, rounded_db), pairs
 
 
 def draw_points(illumination: Illumination, positions: Callable, shape: tuple[int, int],
                 tile: tuple[int, int]) -> LitPairs:
-    """Pairs of an echo and a point in tiles that may be lit; positions as of `plan_lit_points`."""
+    """Pairs of an echo and a point in tiles that may be lit; positions as of
+    `plan_point_amplitudes`.
+    """
     def clipped(*index):
         return positions(*(np.clip(i, 0, size - 1).astype(np.int64)
                            for i, size in zip(index, shape, strict=True)))
@@ -547,12 +550,12 @@ class LitPolar:
 
     def lines(self, polar: PolarGrid, lattice: RangeResampling, parts: AzimuthParts | None,
               profiles_db: float, lit_db: float
-              ) -> tuple[RangeResampling | None, LitLines | None]:
+              ) -> tuple[RangeResampling | None, LineAmplitudes | None]:
         """How the lines of an image, or of images of its parts, read the profiles."""
         starts = (0,) if parts is None else tuple(e.start for e in parts.echoes)
         echoes = Echoes(self._tx_m, self._rx_m, starts, self._radar)
-        return plan_lit_segments(self._illumination, ImageLines.of_polar(polar), echoes, lattice,
-                                 profiles_db, lit_db)[:2]
+        return plan_weighed_segments(self._illumination, ImageLines.of_polar(polar), echoes,
+                                     lattice, profiles_db, lit_db)[:2]
 
 
 class _PolarReading:

@@ -27,7 +27,7 @@ from ..profiles import RangeGate, RangeResampling, mean_db, plan_point_resamplin
 
 if TYPE_CHECKING:
     from ...geometry.illumination import Illumination
-    from .illumination import LitPoints
+    from .illumination import PointAmplitudes
 
 # Rms error of a path in float32 over the radius of its tile; 1.4e-8 to 1.7e-8 were measured
 _ROUNDING = 3e-8
@@ -164,7 +164,7 @@ class PointPlan(Plan):
         Largest radius of a tile whose paths are computed in float32, metres.
     cost : float
         Nanoseconds per pixel.
-    lit : LitPoints or None
+    amplitudes : PointAmplitudes or None
         How amplitudes are found; None where all pixels are lit alike.
     """
 
@@ -175,19 +175,19 @@ class PointPlan(Plan):
     reach_m: float
     errors_db: Mapping[str, float]
     cost: float
-    lit: LitPoints | None = None
+    amplitudes: PointAmplitudes | None = None
 
     method = 'points'
 
     def operations(self, grid: ImagePoints | EvenGrid, n_echoes: int) -> dict[str, float]:
         """How often the operations of `CostModel` are done."""
-        share = 1.0 if self.lit is None else self.lit.share * self.lit.dearer
+        share = 1.0 if self.amplitudes is None else self.amplitudes.share * self.amplitudes.dearer
         return {'image': 1} | self.lattice.operations(n_echoes, math.prod(grid.shape) * share)
 
     def n_bytes(self, grid: ImagePoints | EvenGrid) -> int:
         """Memory that adding the echoes takes besides the image, bytes."""
         *layers, n_y, n_x = (1, 1, *grid.shape)
-        lit = 0 if self.lit is None else self.lit.n_bytes((n_y, n_x), self.tile)
+        lit = 0 if self.amplitudes is None else self.amplitudes.n_bytes((n_y, n_x), self.tile)
         return coordinate_bytes(grid) + math.prod(layers) * lit
 
     def __str__(self) -> str:
@@ -270,9 +270,9 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
         errors['ends of profiles'] = mean_db(window.end_error(length, oversampling),
                                              window.predictable(length).all(axis=0))
     else:
-        from .illumination import plan_lit_points
+        from .illumination import plan_point_amplitudes
 
-        tile, lit, pairs = plan_lit_points(
+        tile, lit, pairs = plan_point_amplitudes(
             illumination, positions or points.positions, shape or points.size,
             [side for side in _SIDES[points.size[0] > 1] if side <= tile],
             error_budget(target_db, EXACT_SHARES)['illumination'])

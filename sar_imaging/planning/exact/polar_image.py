@@ -41,7 +41,7 @@ from ..profiles import (
 )
 
 if TYPE_CHECKING:
-    from .illumination import LitLines
+    from .illumination import LineAmplitudes
 
 TAPS, DEGREE = 10, 5
 _LEAST_ECHOES = 4  # in a part
@@ -167,7 +167,7 @@ class PolarPlan(Plan):
         Cut into parts with fewer lines each; None where all echoes go straight to `polar`.
     cost : float
         Nanoseconds per map pixel.
-    lit : LitLines or None
+    amplitudes : LineAmplitudes or None
         Knots of the echoes' amplitudes; None where all pixels are lit alike.
     """
 
@@ -182,7 +182,7 @@ class PolarPlan(Plan):
     wavelength_m: float
     errors_db: Mapping[str, float]
     cost: float
-    lit: LitLines | None = None
+    amplitudes: LineAmplitudes | None = None
 
     method = 'polar'
 
@@ -194,14 +194,14 @@ class PolarPlan(Plan):
     def operations(self, grid: MapGrid, n_echoes: int) -> dict[str, float]:
         """How often the operations of `CostModel` are done."""
         n_parts = 0 if self.parts is None else len(self.parts.echoes)
-        share = 1.0 if self.lit is None else self.lit.share
+        share = 1.0 if self.amplitudes is None else self.amplitudes.share
         return {'image': 1, 'map_pixel': math.prod(grid.shape), 'upsampled_part': n_parts,
                 'upsampled_pixel': n_parts * math.prod(self.polar.shape)
                 } | self.lattice.operations(n_echoes, math.prod(self.projected.shape) * share)
 
     def n_bytes(self, grid: MapGrid) -> int:
         """Memory that adding the echoes takes besides the image, bytes."""
-        lit = 0 if self.lit is None else self.lit.n_bytes(
+        lit = 0 if self.amplitudes is None else self.amplitudes.n_bytes(
             *self.projected.shape, self.lattice.segment, 1)
         return IMAGE_BYTES * math.prod(self.polar.shape) + lit
 

@@ -13,7 +13,7 @@ from sar_imaging.geometry import MapGrid, PointGrid
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.memory import granting
 from sar_imaging.planning.exact.backprojection import plan_backprojection
-from sar_imaging.planning.exact.illumination import LitPoints
+from sar_imaging.planning.exact.illumination import PointAmplitudes
 from sar_imaging.planning.exact.points import ImagePoints
 from sar_imaging.planning.exact.polar_image import DEGREE, TAPS, AzimuthParts, plan_polar
 from sar_imaging.planning.interpolators import design_interpolator
@@ -80,7 +80,7 @@ def test_lines(scene, error_db):
     """Two groups of lines, of which tiles cut one; echoes light lines in part, or none."""
     x, y, z = scene.grid.centre_m
     plan = planned(scene, MapGrid((x, y, z), 8, 40, 0.25), SQUINTS)
-    assert plan.method == 'lines' and 0.5 < plan.route.lit.share < 1.0
+    assert plan.method == 'lines' and 0.5 < plan.route.amplitudes.share < 1.0
     image = check(plan, scene.echoes, error_db, memory=60_000)
     wanted = added('reference', plan, scene.echoes)
     assert error_db(image, wanted) < plan.predicted_error_db
@@ -90,7 +90,7 @@ def test_lines(scene, error_db):
 def test_polar_images(make_scene, error_db, route):
     scene = make_scene(1000.0, n=16, pulses=4)
     plan = planned(scene, scene.grid, SQUINTS, route, WIDE)
-    assert plan.method == 'polar' and plan.route.lit.apart == 16
+    assert plan.method == 'polar' and plan.route.amplitudes.apart == 16
     check(plan, scene.echoes, error_db)
 
 
@@ -107,7 +107,7 @@ def test_points(scene, error_db, tile, each):
     plan = planned(scene, grid, SQUINTS)
     assert plan.method == 'points'
     route = dataclasses.replace(plan.route, tile=tile,
-                                lit=LitPoints(each, 0.7, 1.0, -70.0))
+                                amplitudes=PointAmplitudes(each, 0.7, 1.0, -70.0))
     plan = dataclasses.replace(plan, route=route)
     # float32 paths over the larger tiles are good to 1e-7 m, 5e-5 rad
     image = check(plan, scene.echoes, error_db, memory=9_000 if tile == (4, 4) else None,
