@@ -330,10 +330,10 @@ def _afbp_plan(scene: CheckScene, target_db: float, route: str, illumination: Il
     beams = None
     if route == 'beams':  # a route for larger images than these
         some = [tuple(a[p].reshape(-1, 3) for a in centres) for p in plan.sampling.pulses]
-        beams = plan_beams(plan.coarse, plan.radar, plan.lattice, some, target_db - 6.0,
+        beams = plan_beams(plan.coarse, plan.radar, plan.resampling, some, target_db - 6.0,
                            plan.range_m[1] - plan.range_m[0])
     plan = dataclasses.replace(plan, beams=beams)
-    return plan, total_db(plan.predicted_error_db, cover.resampling_db, cover.profile_db)
+    return plan, total_db(plan.predicted_error_db, cover.polar_to_map_db, cover.profile_db)
 
 
 def _check_afbp(made, route: str, **options) -> str:

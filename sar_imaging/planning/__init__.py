@@ -23,7 +23,7 @@ Names that mean the same in all modules, here and in the backends, are described
   square of the image; `errors_db` of a plan: the predicted one by cause;
 - `range_m`: least and largest half path that is read, metres;
 - `window`, `source`: part of the profiles that is needed, or the phase histories in their place;
-  `lattice`: how it is resampled;
+  `resampling`: how it is resampled;
 - `weight`: (R,) float64 share of each echo in the power of the image, see `echo_power`, or (W, R)
   for the worst of W cases;
 - `wavelength_m`: at the carrier, metres; `warnings`: what makes the image worse than wanted.

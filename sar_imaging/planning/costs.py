@@ -54,7 +54,7 @@ class CostModel:
     merged_pixel, merged_tap, gathered_pixel, gathered_tap : float
         FFBP: of a pixel and part, of a neighbour along either axis; and of those looked up singly.
     profile_bin, profile_cell : float
-        Range profiles: of an echo, by the samples of its spectrum and positions of its lattice.
+        Range profiles: of an echo, by the samples of its spectrum and positions of its range grid.
     beam_path, beam_run, image : float
         Of an echo and beam; of an echo, group of beams and run of bins; of an image, and in
         addition of that of a sub-aperture. Nothing is chosen by these and the two before:

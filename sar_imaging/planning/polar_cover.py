@@ -58,7 +58,7 @@ class PolarCover:
         The map, and the grid that reaches `margin` pixels beyond it.
     ratio : (int, int)
         Ranges of images that are added to those of their sum, on `polar`.
-    lattice : RangeResampling
+    resampling : RangeResampling
         How lines of such images read the profiles.
     window : RangeGate or PhaseHistory
         What it needs of the profiles.
@@ -81,7 +81,7 @@ class PolarCover:
     grid: MapGrid
     polar: PolarGrid
     ratio: tuple[int, int]
-    lattice: RangeResampling
+    resampling: RangeResampling
     window: RangeGate | PhaseHistory
     range_m: tuple[float, float]
     axis: int
@@ -95,7 +95,7 @@ class PolarCover:
     spread: AmplitudeSpread = NO_SPREAD
 
     @property
-    def resampling_db(self) -> float:
+    def polar_to_map_db(self) -> float:
         """Error of the interpolation to the map, dB."""
         return total_db(self.between_db, self.along_db)
 
@@ -106,7 +106,7 @@ class PolarCover:
 
 
 def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
-              resampling_db: float, lattice_db: float, band: PhaseHistory | None = None, *,
+              polar_to_map_db: float, profiles_db: float, band: PhaseHistory | None = None, *,
               fused: bool = False, illumination: Illumination | None = None
               ) -> PolarCover | None:
     """Cover a map by a polar grid around the aperture.
@@ -117,7 +117,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     ----------
     grid, tx_m, rx_m, radar, n_samples :
         See `sar_imaging.planning`.
-    resampling_db, lattice_db : float
+    polar_to_map_db, profiles_db : float
         Wanted errors of each pass of the interpolation to the map and of the backprojection, dB.
     band : PhaseHistory, optional
         Phase histories instead of profiles; `radar` is its own.
@@ -149,10 +149,10 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     weight = echo_powers(tx_m, rx_m, grid.centre_m, grid.spacing_m * np.array(
         [[grid.n_x, 0, 0], [0, grid.n_y, 0]]), radar)
     between, between_db = fitting_interpolator(
-        spread_frequencies(even, spread.rms), weight[:, some], half_alpha, resampling_db,
+        spread_frequencies(even, spread.rms), weight[:, some], half_alpha, polar_to_map_db,
         taps=DEAPODISED_TAPS if fused else TAPS, degree=DEGREE, deapodised=fused)
     along, along_db = fitting_interpolator(along_range, weight[:, some], half_range,
-                                           resampling_db, taps=TAPS, degree=DEGREE)
+                                           polar_to_map_db, taps=TAPS, degree=DEGREE)
     if between is None or along is None:
         return None
     spacing, ratio = math.pi / (half_range * along.oversampling) * 0.999, (1, 1)
@@ -162,13 +162,14 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
     spacing *= ratio[1] / ratio[0]
     range_m = seen.ranges_m(illumination, 2 * margin(TAPS) * spacing)
     window = band or RangeGate.around(radar, n_samples, range_m)
-    lattice = plan_resampling(dataclasses.replace(paths, weight=weight), spacing, n_line, radar,
-                              window.n_samples, lattice_db,
-                              fit_spacing=True, periodic=window.periodic,
-                              passes=PASSES if fused else PASSES[:1])
-    if lattice is None:
+    resampling = plan_resampling(dataclasses.replace(paths, weight=weight), spacing, n_line, radar,
+                                 window.n_samples, profiles_db,
+                                 fit_spacing=True, periodic=window.periodic,
+                                 passes=PASSES if fused else PASSES[:1])
+    if resampling is None:
         return None
-    polar = _cover(grid, frame, axis, lattice.spacing * ratio[0] / ratio[1], half_alpha, between)
+    polar = _cover(grid, frame, axis, resampling.spacing * ratio[0] / ratio[1], half_alpha,
+                   between)
     if polar is None:
         return None
     if spread.rms:
@@ -176,8 +177,8 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
             f * (polar.alpha_spacing / (2 * math.pi))), some)
         between_db = 10 * math.log10(10 ** (between_db / 10) + tail)
     profile_db = window.mean_end_error_db(
-        paths.length, oversampling=lattice.oversampling(radar), lit=paths.illuminated)
-    return PolarCover(grid, polar, ratio, lattice, window, range_m, axis, between, along,
+        paths.length, oversampling=resampling.oversampling(radar), lit=paths.illuminated)
+    return PolarCover(grid, polar, ratio, resampling, window, range_m, axis, between, along,
                       paths.of_illuminated_rows(seen.slope_alpha), weight, between_db, along_db,
                       profile_db, spread)
 

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """How range profiles are prepared for an image: cut to the ranges it needs, and resampled.
 
-Backprojection reads range profiles on a lattice whose spacing is the half-path distance between
+Backprojection reads range profiles on a range grid whose spacing is the half-path distance between
 neighbouring pixels of an image line. The more the true distance differs from it, the further a
-pixel drifts from its lattice interval along a segment; this module takes the drift from the exact
-geometry and chooses the quickest segment that keeps the predicted error. Pixels whose ranges leave
-the profiles get nothing from a pulse, and imagers say so. Phase histories may stay as they came:
-they are the band of a periodic range profile.
+pixel drifts from its interval of the grid along a segment; this module takes the drift from the
+exact geometry and chooses the quickest segment that keeps the predicted error. Pixels whose ranges
+leave the profiles get nothing from a pulse, and imagers say so. Phase histories may stay as they
+came: they are the band of a periodic range profile.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ if TYPE_CHECKING:
 class PhaseHistory:
     """What `Profiles` needs of a phase history; stands where a `RangeGate` does for profiles.
 
-    The lattice of the profiles is one inverse transform away from the frequencies of a pulse;
-    range compression first and the lattice from its profiles take three. The profile repeats with
-    the unambiguous range.
+    The range grid of the profiles is one inverse transform away from the frequencies of a pulse;
+    range compression first and the range grid from its profiles take three. The profile repeats
+    with the unambiguous range.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ class RangeGate:
         """(...) mean squared error at half paths (...), metres, because the window ends.
 
         Relative to the power of the profile, which is taken to go on beyond its ends: 1 where
-        nothing is read. The oversampling is that of the lattice that is read, see `gain`.
+        nothing is read. The oversampling is that of the range grid that is read, see `gain`.
         """
         given = round(self.radar.sample_rate_hz / self.radar.bandwidth_hz, 2)
         after = (np.asarray(range_m) - self.range_start_m) / self.radar.sample_spacing_m
@@ -281,7 +281,7 @@ class RangeGate:
         """(n_padded,) float32 factor of each bin of a spectrum on the way back to ranges.
 
         Without its taper outside the band the ends of a profile, where sidelobes are cut off,
-        would ring far inside. It ends at the highest frequency of the samples, or of the lattice
+        would ring far inside. It ends at the highest frequency of the samples, or of the ranges
         that they are resampled to, `oversampling` times the bandwidth, where that is coarser.
         """
         given = self.radar.sample_rate_hz / self.radar.bandwidth_hz
@@ -372,9 +372,9 @@ PASSES = ECHOES_PER_PASS, 8, 2  # fewer where phases of neighbours differ much a
 _SEGMENTS = (256, 128, 64, 32, 16, 8)
 _MAX_PHASES = 8
 _ECHOES_FOR_ERRORS = 256  # enough for averages, to which few echoes add most
-DRIFT_SLACK = 0.02  # lattice steps that pixels may drift further than planned; none notices
-MOST_DRIFT = 2.0  # lattice steps
-_COARSEST = 1.25  # oversampling of a lattice, below which none is looked at
+DRIFT_SLACK = 0.02  # range steps that pixels may drift further than planned; none notices
+MOST_DRIFT = 2.0  # range steps
+_COARSEST = 1.25  # oversampling of a range grid, below which none is looked at
 _CLOSER_DB = 10.0  # by which the worst drift may be worse than the mean one
 _LONGER, _FINER, _FEW = 1.1, 1.03, 3  # padded length, cells, and cells around the best
 #: Rms over -1 to 1 of what is left of a cube and of a fourth power that are economised.
@@ -391,13 +391,13 @@ class RangeResampling:
     n_padded : int
         Length to which a profile is zero-padded before its Fourier transform.
     n_cells : int
-        Cells of the lattice over the padded profile; a cell is one pixel of an image line.
+        Cells of the range grid over the padded profile; a cell is one pixel of an image line.
     n_phases : int
-        Positions of the lattice in a cell.
+        Positions of the range grid in a cell.
     segment : int
         Pixels that share one geometry expansion; 0 for the routine for arbitrary points.
     step_m : float
-        Half-path distance between lattice positions, metres.
+        Half-path distance between range positions, metres.
     spacing : float
         Pixel spacing along a line, in the unit of the planned paths.
     interpolator : Interpolator
@@ -431,12 +431,12 @@ class RangeResampling:
         return 1 + 1 / self.echoes_per_pass - 1 / ECHOES_PER_PASS
 
     def oversampling(self, radar: RadarParameters) -> float:
-        """Lattice positions to a range resolution cell, 1 / bandwidth, of a radar."""
+        """Range positions to a range resolution cell, 1 / bandwidth, of a radar."""
         return radar.range_resolution_m / self.step_m
 
     @property
     def cell_m(self) -> float:
-        """Half-path distance between the lattice positions of neighbouring pixels, metres."""
+        """Half-path distance between the range positions of neighbouring pixels, metres."""
         return self.step_m * self.n_phases
 
     def operations(self, n_echoes: int, n_pixels: int) -> dict[str, float]:
@@ -452,7 +452,7 @@ def least_cost(slopes: tuple[float, float], radar: RadarParameters) -> float:
     """Nanoseconds per pixel and echo that no lines are below.
 
     Half paths grow by `slopes`, least to largest, from pixel to pixel, metres: whatever the
-    lattice, pixels of some echoes drift by half of the difference, and it is finer than for
+    range grid, pixels of some echoes drift by half of the difference, and it is finer than for
     `_COARSEST`.
     """
     low, high = slopes
@@ -466,7 +466,7 @@ def least_cost(slopes: tuple[float, float], radar: RadarParameters) -> float:
 def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParameters,
                     n_samples: int, target_db: float, *, fit_spacing: bool = False,
                     periodic: bool = False, passes=(ECHOES_PER_PASS,)) -> RangeResampling | None:
-    """Choose lattice, segment and interpolator for an error target of reading a profile, dB.
+    """Choose range grid, segment and interpolator for an error target of reading a profile, dB.
 
     None where range does not follow the lines closely enough.
 
@@ -479,7 +479,7 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
     spacing, n_line : float, int
         Pixel spacing along a line, and pixels of a line.
     fit_spacing : bool
-        The image may take the pixel spacing that fits the lattice, near `spacing`.
+        The image may take the pixel spacing that fits the range grid, near `spacing`.
     periodic : bool
         The samples are a period, which no zeros may extend.
     passes : sequence of int
@@ -502,59 +502,61 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
         cell = n_padded * radar.sample_spacing_m / n_cells
         spacing = cell / middle if fit_spacing else asked
         for segment in _SEGMENTS[_SEGMENTS.index(longest):]:  # the longer, the quicker
-            lattice = _fitted(RangeResampling(n_padded, n_cells, phases, segment, cell / phases,
-                                              spacing, None, math.inf, together),
-                              extremes, errors(together), radar, target_db)
-            if lattice is None:
+            resampling = _fitted(RangeResampling(n_padded, n_cells, phases, segment, cell / phases,
+                                                 spacing, None, math.inf, together),
+                                 extremes, errors(together), radar, target_db)
+            if resampling is None:
                 continue
-            predicted = _predicted_db(lattice, _drifting_db(
-                lattice, paths, echoes, _drift(lattice, slope)), errors(together))
+            predicted = _predicted_db(resampling, _drifting_db(
+                resampling, paths, echoes, _drift(resampling, slope)), errors(together))
             if predicted <= target_db:  # more phases only cost memory
-                return dataclasses.replace(lattice, predicted_error_db=predicted)
+                return dataclasses.replace(resampling, predicted_error_db=predicted)
     return None
 
 
-def _fitted(lattice, slopes, errors, radar, target_db) -> RangeResampling | None:
-    """A lattice with the interpolator that it needs; None where the target is surely missed.
+def _fitted(resampling, slopes, errors, radar, target_db) -> RangeResampling | None:
+    """A range grid with the interpolator that it needs; None where the target is surely missed.
 
     `slopes` are the least and the greatest of the paths.
     """
-    oversampling = lattice.oversampling(radar)
-    furthest = max(_drift(lattice, slope) for slope in slopes)
+    oversampling = resampling.oversampling(radar)
+    furthest = max(_drift(resampling, slope) for slope in slopes)
     if oversampling <= _COARSEST or furthest > MOST_DRIFT:
         return None
-    lattice = dataclasses.replace(lattice, interpolator=design_interpolator(
+    resampling = dataclasses.replace(resampling, interpolator=design_interpolator(
         oversampling, max(furthest, LEAST_MARGIN), degree=LINE_DEGREE))
     # With the worst drift everywhere first: most candidates need no closer look.
-    at_worst = _predicted_db(lattice, lattice.interpolator.error_db, errors)
-    return lattice if at_worst <= target_db + _CLOSER_DB else None
+    at_worst = _predicted_db(resampling, resampling.interpolator.error_db, errors)
+    return resampling if at_worst <= target_db + _CLOSER_DB else None
 
 
-def resampling_error_db(lattice: RangeResampling, paths: Paths, radar: RadarParameters) -> float:
-    """Predicted error of a lattice on other paths than it was planned for, dB.
+def resampling_error_db(resampling: RangeResampling, paths: Paths, radar: RadarParameters
+                        ) -> float:
+    """Predicted error of a range grid on other paths than it was planned for, dB.
 
-    It is inf where pixels drift further than the lattice was made for.
+    It is inf where pixels drift further than the range grid was made for.
     """
     echoes = _some_echoes(paths)
-    drift = _drift(lattice, paths.derivatives[0][echoes])
-    if paths.of_illuminated(drift, echoes).max() > lattice.interpolator.margin + DRIFT_SLACK:
+    drift = _drift(resampling, paths.derivatives[0][echoes])
+    if paths.of_illuminated(drift, echoes).max() > resampling.interpolator.margin + DRIFT_SLACK:
         return math.inf
-    return _predicted_db(lattice, _drifting_db(lattice, paths, echoes, drift), _expansion_errors(
-        paths, echoes, radar, lattice.echoes_per_pass))
+    drifting_db = _drifting_db(resampling, paths, echoes, drift)
+    return _predicted_db(resampling, drifting_db, _expansion_errors(
+        paths, echoes, radar, resampling.echoes_per_pass))
 
 
-def _drift(lattice, slope) -> np.ndarray:
-    """How far the pixels of some echoes drift over half a segment, lattice steps."""
-    return (abs(slope * lattice.spacing - lattice.cell_m)
-            * (lattice.segment / 2 / lattice.step_m))
+def _drift(resampling, slope) -> np.ndarray:
+    """How far the pixels of some echoes drift over half a segment, range steps."""
+    return (abs(slope * resampling.spacing - resampling.cell_m)
+            * (resampling.segment / 2 / resampling.step_m))
 
 
-def _drifting_db(lattice, paths, echoes, drift) -> float:
-    return 10 * math.log10(paths.mean(lattice.interpolator.error_with_drift(drift), echoes))
+def _drifting_db(resampling, paths, echoes, drift) -> float:
+    return 10 * math.log10(paths.mean(resampling.interpolator.error_with_drift(drift), echoes))
 
 
-def _predicted_db(lattice, interpolation_db, errors) -> float:
-    half = lattice.spacing * lattice.segment / 2
+def _predicted_db(resampling, interpolation_db, errors) -> float:
+    half = resampling.spacing * resampling.segment / 2
     return total_db(interpolation_db, *(20 * math.log10(error * half ** power + 1e-12)
                                         for power, error in errors))
 
@@ -601,7 +603,7 @@ def _expansion_errors(paths, echoes, radar, together: int):
 
 def plan_point_resampling(radar: RadarParameters, n_samples: int, target_db: float
                           ) -> RangeResampling:
-    """Lattice for the routine that needs no common direction of range and lines."""
+    """Range grid for the routine that needs no common direction of range and lines."""
     oversampling = next(v for v in np.arange(1.6, 8.0, 0.2)
                         if design_interpolator(v, LEAST_MARGIN).error_db <= target_db - 3.0)
     pitch = radar.range_resolution_m / oversampling

@@ -1074,7 +1074,7 @@ def _offsets(origins, points) -> tuple[np.ndarray, ...]:
 def plan_profiles(nodes: list[Node], frame: Frame, tx, rx, points, spacing: float,
                   radar: RadarParameters, n_samples: int, target_db: float
                   ) -> RangeResampling | None:
-    """Lattice of the profiles for the first stage; its spacing is that of all local grids."""
+    """Range grid of the profiles for the first stage; its spacing is that of all local grids."""
     lengths, derivatives, span = [], [], 0.0
     for node in nodes[::max(1, len(nodes) // 8)]:
         offset = points - node.centre

@@ -219,12 +219,12 @@ class _Experiments:
         """Sizes tell pixels from profiles, fine pixels cells from bins, segments their cost."""
         for scene in self._scenes.lines:
             plan, block = _planned(scene, point_pixel=_NEVER, map_pixel=_NEVER)
-            longest = plan.route.lattice.segment
+            longest = plan.route.resampling.segment
             first = self._scenes.varied and scene is self._scenes.lines[0]
             shorter = (longest // 4, longest // 16) if first else ()
             for segment in (longest, *shorter):
-                lattice = dataclasses.replace(plan.route.lattice, segment=segment)
-                route = dataclasses.replace(plan.route, lattice=lattice)
+                resampling = dataclasses.replace(plan.route.resampling, segment=segment)
+                route = dataclasses.replace(plan.route, resampling=resampling)
                 yield self._exact(f'lines of {segment} pixels',
                                   dataclasses.replace(plan, route=route), block)
 
@@ -255,8 +255,8 @@ class _Experiments:
                     route = plan_groups(*where, target_db, some)
                     found = dataclasses.replace(plan, route=route)
                     yield self._exact(f'{some[0]} groups of {some[1]} parts', found, block)
-            lattice = dataclasses.replace(route.lattice, segment=16)
-            short = dataclasses.replace(route.maps[0], lattice=lattice)
+            resampling = dataclasses.replace(route.resampling, segment=16)
+            short = dataclasses.replace(route.maps[0], resampling=resampling)
             yield self._exact('groups of short segments', dataclasses.replace(
                 plan, route=dataclasses.replace(route, maps=(short,))), block)
 

@@ -46,15 +46,15 @@ def _stage(grid, block, pulses, target_db):
     r, alpha = (v.ravel() for v in np.meshgrid(plan.polar.range_m[[0, -1]],
                                                plan.polar.alpha[[0, -1]]))
     paths = sample_paths(*_echoes(block), plan.polar.lines(r, alpha))
-    lattice = plan_resampling(paths, plan.polar.range_spacing_m, plan.polar.n_range, radar,
+    resampling = plan_resampling(paths, plan.polar.range_spacing_m, plan.polar.n_range, radar,
                            window.n_samples + _PADDING, target_db)
     range_m = paths.length.min() - 3.0, paths.length.max() + 3.0
-    beams = plan_beams(plan.polar, radar, lattice, [_echoes(part)], target_db,
+    beams = plan_beams(plan.polar, radar, resampling, [_echoes(part)], target_db,
                        range_m[1] - range_m[0], _PADDING * radar.sample_spacing_m)
     if beams is None:
         return None
     lines = BeamformedSubaperture(types.SimpleNamespace(
-        coarse=plan.polar, source=window, lattice=lattice, beams=beams, range_m=range_m,
+        coarse=plan.polar, source=window, resampling=resampling, beams=beams, range_m=range_m,
         amplitudes=None))
     return _Stage(part, plan.polar, lines, beams.predicted_error_db)
 

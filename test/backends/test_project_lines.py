@@ -28,7 +28,7 @@ DEGREE = 4
 class GivenPolynomials:
     """Stands where `Profiles` does: (R, U, 2 (DEGREE + 1), n) float32 coefficients."""
 
-    lattice: object
+    resampling: object
     coefficients: np.ndarray
     range_m: float
     cycles_per_step: float
@@ -61,16 +61,16 @@ def expected(profiles, start_m, pitch_m, ramp, centres_m):
 
     A segment keeps the interval of its middle; its pixels read on from cell to cell.
     """
-    lattice, half = profiles.lattice, profiles.lattice.segment // 2
-    u, step = lattice.n_phases, lattice.step_m
+    resampling, half = profiles.resampling, profiles.resampling.segment // 2
+    u, step = resampling.n_phases, resampling.step_m
     i = np.arange(len(ramp))
-    middle = i // lattice.segment * lattice.segment + half
+    middle = i // resampling.segment * resampling.segment + half
     total = np.zeros(len(ramp), complex)
     for coefficients, centre_m in zip(profiles.coefficients, centres_m, strict=True):
         n = np.floor((start_m + pitch_m * middle - centre_m - profiles.range_m) / step)
         cell = np.floor((n + 0.5) / u)
         v = (start_m + pitch_m * i - centre_m - profiles.range_m) / step
-        index = (lattice.segment + cell + i - middle).astype(int)
+        index = (resampling.segment + cell + i - middle).astype(int)
         inside = (index >= 0) & (index < coefficients.shape[-1])
         some = coefficients[(n - cell * u).astype(int), :, np.where(inside, index, 0)]
         t = v - n - u * (i - middle)
@@ -168,8 +168,8 @@ def test_polar_images_are_as_exact_as_predicted(seed, n_echoes, n_alpha, n_range
         np.linspace(*polar.range_m[[0, -1]], 5), np.linspace(*polar.alpha[[0, -1]], 5))))
     paths = sample_paths(tx, rx, lines)
     window = RangeGate.whole(radar, n_samples)
-    lattice = plan_resampling(paths, spacing_m, n_range, radar, n_samples, target_db)
-    assume(lattice is not None)
+    resampling = plan_resampling(paths, spacing_m, n_range, radar, n_samples, target_db)
+    assume(resampling is not None)
     # quiet at its ends: profiles that are cut off ring within the image where cells are coarser
     # than samples
     spectrum = rng.standard_normal((n_echoes, n_samples, 2)).view(complex)[..., 0]
@@ -177,13 +177,13 @@ def test_polar_images_are_as_exact_as_predicted(seed, n_echoes, n_alpha, n_range
     samples = (np.fft.ifft(spectrum) * np.hanning(n_samples) ** 2).astype(np.complex64)
     parts = np.zeros((2, n_alpha, n_range + padding), np.float32)
     limits = paths.length.min() - spacing_m, paths.length.max() + spacing_m
-    PolarLines(polar, Profiles(window, lattice, limits)).add(samples, tx, rx, parts)
+    PolarLines(polar, Profiles(window, resampling, limits)).add(samples, tx, rx, parts)
     image = (parts[0] + 1j * parts[1])[:, :n_range]
-    wanted = project_lines(window, samples, lattice.n_padded, tx, rx, polar)
+    wanted = project_lines(window, samples, resampling.n_padded, tx, rx, polar)
     error_db = 20 * np.log10(np.linalg.norm(image - wanted) / np.linalg.norm(wanted))
     # Predictions are means over places between samples, of which few echoes and lines have few:
     # within 3.5 dB in 300 examples, 0 to 0.6 dB in the middle.
-    assert error_db <= lattice.predicted_error_db + 5.0
+    assert error_db <= resampling.predicted_error_db + 5.0
     assert not parts[..., n_range:].any() or padding == 0
 
 

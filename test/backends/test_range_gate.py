@@ -56,16 +56,16 @@ def test_polynomials_agree_with_those_of_the_whole_profile():
     samples = _noise(radar).astype(np.complex64)
     values = []
     for window in (RangeGate.around(radar, N, NEEDED), RangeGate.whole(radar, N)):
-        lattice = plan_point_resampling(radar, window.n_samples, -90.0)
-        profiles = Profiles(window, lattice, NEEDED)
+        resampling = plan_point_resampling(radar, window.n_samples, -90.0)
+        profiles = Profiles(window, resampling, NEEDED)
         planes = profiles.planes(samples)[:, 0]
         place = np.linspace(1510.0, 1990.0, 500)
-        v = (place - profiles.range_at(0)) / lattice.step_m
+        v = (place - profiles.range_at(0)) / resampling.step_m
         n, t = np.floor(v).astype(int), v - np.floor(v)
         terms = planes[:, :, n]
         values.append(sum((terms[:, q] + 1j * terms[:, 4 + q]) * t ** q for q in range(4)))
     error = np.mean(np.abs(values[0] - values[1]) ** 2) / np.mean(np.abs(values[1]) ** 2)
-    # Both interpolate with errors below -90 dB, on different lattices; measured -90 dB.
+    # Both interpolate with errors below -90 dB, on different range grids; measured -90 dB.
     assert 10 * np.log10(error) < -86.0
 
 

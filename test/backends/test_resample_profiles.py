@@ -62,13 +62,13 @@ def test_polynomials_are_the_profile(seed, n_samples, n_rows, history, n_phases,
     n_cells = int(np.ceil(period_m * finer / resolution_m / n_phases))
     step_m = period_m / n_cells / n_phases
     interpolator = design_interpolator(resolution_m / step_m, degree=LINE_DEGREE)
-    lattice = RangeResampling(n_padded, n_cells, n_phases, 0, step_m, step_m * n_phases,
-                              interpolator, interpolator.error_db)
+    resampling = RangeResampling(n_padded, n_cells, n_phases, 0, step_m, step_m * n_phases,
+                                 interpolator, interpolator.error_db)
     limits = source.range_start_m + lo_m, source.range_start_m + hi_m
-    profiles = Profiles(source, lattice, limits)
+    profiles = Profiles(source, resampling, limits)
     planes = profiles.planes(samples).astype(float)
-    n = int((hi_m - lo_m) / lattice.cell_m) - 2
-    cell = int(np.ceil((limits[0] - profiles.range_at(0)) / lattice.cell_m)) + np.arange(n)
+    n = int((hi_m - lo_m) / resampling.cell_m) - 2
+    cell = int(np.ceil((limits[0] - profiles.range_at(0)) / resampling.cell_m)) + np.arange(n)
     cell = cell[cell >= 0]  # no cell stands before those that hold signal; -1 would be the last
     t = rng.random((n_rows, n_phases, len(cell)))
     powers = t[..., None] ** np.arange(LINE_DEGREE + 1)

@@ -113,7 +113,7 @@ def test_tapers_that_reach_the_last_bin_along_range_keep_it():
 def test_wide_steep_and_uneven_apertures_have_images(seed):
     """Phases of neighbouring echoes differ by radians over a segment: fewer share a pass."""
     report, image = _afbp(case := random_case(seed))
-    assert report.plan.subapertures.lattice.echoes_per_pass < 32
+    assert report.plan.subapertures.resampling.echoes_per_pass < 32
     # measured: 1.7 to 4.3 dB below
     assert _error_db(case, image) <= report.predicted_error_db
 

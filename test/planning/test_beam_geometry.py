@@ -69,8 +69,8 @@ def test_spread_is_the_steepest_slope(echoes):
 def test_no_beams_cost_less_than_the_least(group, paired, segment, span, spacing, n_echoes, n_bins,
                                            n_cells, n_pixels):
     sampling = BeamSampling(1.0, spacing, group, 1.0 * paired, segment, None, None, -60.0)
-    lattice = RangeResampling(n_bins, n_cells, 1, 0, 0.1, 0.1, None, -60.0)
+    resampling = RangeResampling(n_bins, n_cells, 1, 0, 0.1, 0.1, None, -60.0)
     # beams that are oversampled the least lie 1.16 times closer than the band lets them
-    least = least_operations(n_echoes, lattice, n_pixels, (1 - 1e-12) * span / spacing / 1.16)
-    needed = sampling.operations(n_echoes, lattice, n_pixels, span)
+    least = least_operations(n_echoes, resampling, n_pixels, (1 - 1e-12) * span / spacing / 1.16)
+    needed = sampling.operations(n_echoes, resampling, n_pixels, span)
     assert all(least[name] <= needed[name] for name in least)

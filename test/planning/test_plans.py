@@ -125,7 +125,7 @@ def test_windows_of_a_sliding_aperture_may_not_be_read_worse_than_wanted(make_ca
     case = make_case(1e3, pulses=128)
     plan = _live(case, n_window=48)
     # what errs alike in all images leaves some of the target: measured -50.5 dB
-    assert plan.map_cover.resampling_db < plan.reading_limit_db < -50.0
+    assert plan.map_cover.polar_to_map_db < plan.reading_limit_db < -50.0
     block = case.block.select(slice(0, 16))
     known = _live(case, n_window=48, slack=0.0)
     assert known.check(block.tx_m, block.rx_m, None, (block.tx_m, block.rx_m)) is not None

@@ -148,8 +148,8 @@ def test_what_the_ends_of_a_window_cost(make_case, first, last):
 def test_profiles_that_are_full_to_their_ends(oversampling, target_db, points):
     """Clutter everywhere, cut by the profiles' ends a few metres beside the map.
 
-    The lattice is coarser than these samples. Without a taper up to its own highest frequency the
-    ends rang over the map, 14 dB above the prediction at worst.
+    The range grid is coarser than these samples. Without a taper up to its own highest frequency
+    the ends rang over the map, 14 dB above the prediction at worst.
     """
     rng = np.random.default_rng(0)
     spacing_m = SPEED_OF_LIGHT / 2 / (oversampling * 300e6)

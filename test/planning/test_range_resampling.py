@@ -1,6 +1,6 @@
 # Copyright 2026 SAR Imaging contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Lattices of range along image lines: none where range does not grow."""
+"""Grids of range along image lines: none where range does not grow."""
 
 import numpy as np
 import pytest
@@ -19,5 +19,5 @@ def test_range_has_to_grow_along_a_line(grows, planned):
     slope = np.full((2, 5), grows)
     flat = np.zeros_like(slope)
     paths = Paths(np.full_like(slope, 1000.0), (slope, flat, flat, flat))
-    lattice = plan_resampling(paths, 0.25, 400, RADAR, 1024, -50.0)
-    assert (lattice is not None) is planned
+    resampling = plan_resampling(paths, 0.25, 400, RADAR, 1024, -50.0)
+    assert (resampling is not None) is planned

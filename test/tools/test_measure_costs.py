@@ -172,7 +172,7 @@ def test_operations_of_afbp_are_those_that_the_backend_does(make_case, monkeypat
     assert counts['beam_pixel'] == image[0].size
     # From where the sub-aperture is the grid spans a little more or less.
     [(_, _, n_beams)] = formed
-    assert counts['beam_cell'] / stage.lattice.n_cells == pytest.approx(n_beams, abs=3)
+    assert counts['beam_cell'] / stage.resampling.n_cells == pytest.approx(n_beams, abs=3)
     whole = stage.image_operations(2 * block.n_pulses, stage.n_subapertures)
     assert plan.seconds == pytest.approx(DEFAULT.seconds(whole | stage.fusion_operations | {
         'image': 1 + stage.n_subapertures, 'map_pixel': case.grid.n_x * case.grid.n_y}))

@@ -911,17 +911,19 @@ class BeamformedSubaperture:
     """Lines of the coarse grid of a plan, filled from the beams of a sub-aperture."""
 
     def __init__(self, plan: SubaperturePlan):
-        polar, source, lattice, sampling = plan.coarse, plan.source, plan.lattice, plan.beams
-        self._polar, self._source, self._lattice, self._sampling = polar, source, lattice, sampling
+        polar, source, resampling, sampling = plan.coarse, plan.source, plan.resampling, plan.beams
+        self._polar, self._source = polar, source
+        self._resampling, self._sampling = resampling, sampling
         self._buffer = WorkSpace()
-        first = math.floor((plan.range_m[0] - source.range_start_m) / lattice.cell_m) - CELL_TAPS
-        self._range_start_m = source.range_start_m + first * lattice.cell_m
+        cell_m = resampling.cell_m
+        first = math.floor((plan.range_m[0] - source.range_start_m) / cell_m) - CELL_TAPS
+        self._range_start_m = source.range_start_m + first * cell_m
         # Beyond the profile's ends a period repeats, what was recorded does not.
-        n_cells = lattice.n_cells
+        n_cells = resampling.n_cells
         self._known = (0, n_cells) if source.periodic else tuple(
             min(max(end, 0), n_cells) for end in (-first, n_cells - first))
-        gain = source.gain(lattice.n_padded)
-        n_bins, per_bin = len(gain), 1 / (n_cells * lattice.cell_m)
+        gain = source.gain(resampling.n_padded)
+        n_bins, per_bin = len(gain), 1 / (n_cells * resampling.cell_m)
         self._per_metre = 2 / source.radar.wavelength_m
         number = (np.arange(n_bins) - source.zero + n_bins // 2) % n_bins - n_bins // 2
         # Each bin's share is changed beforehand by what reading the cells takes from it.
@@ -971,9 +973,9 @@ class BeamformedSubaperture:
 
     def _beams(self, samples, path, paired, weights) -> np.ndarray:
         """(M, n_cells) complex64 beams at range baseband, valid until the next call."""
-        n_beams, n_cells = len(path), self._lattice.n_cells
+        n_beams, n_cells = len(path), self._resampling.n_cells
         group = self._sampling.group_of(n_beams)
-        spectrum = spectra(self._source, samples, self._lattice.n_padded, self._buffer)
+        spectrum = spectra(self._source, samples, self._resampling.n_padded, self._buffer)
         stride = _uncrowded(n_cells + TILE)
         beams = self._buffer('beams', (n_beams, stride), np.complex64)
         form_beams(spectrum, path, self._bins, self._sampling.between, weights, group, paired,
@@ -996,7 +998,7 @@ class BeamformedSubaperture:
             beams.reshape(-1).view(np.float32), (*beams.shape, *image.shape[1:], segment),
             self._lines, BeamPlaces(
                 geometry.centre_m, np.array(polar.track),
-                np.array([self._range_start_m, self._lattice.cell_m, polar.range_spacing_m]),
+                np.array([self._range_start_m, self._resampling.cell_m, polar.range_spacing_m]),
                 np.array([start, spacing]), cycles_per_m, -cycles_per_m * source.phase_range_m,
                 np.array([1 / geometry.range_m, bend])),
             _table(sampling.between.interpolator), _table(sampling.along), index,
@@ -1020,7 +1022,7 @@ class SubapertureImager:
     def __init__(self, plan: SubaperturePlan):
         self.plan = plan
         self._lines = BeamformedSubaperture(plan) if plan.beams else PolarLines(
-            plan.coarse, Profiles(plan.source, plan.lattice, plan.range_m),
+            plan.coarse, Profiles(plan.source, plan.resampling, plan.range_m),
             plan.amplitudes and plan.amplitudes.lines)
 
     def image(self, number: int, block: PulseBlock, weights=None, out=None) -> np.ndarray:

@@ -90,7 +90,7 @@ def _subapertures() -> None:
     plan, block = _aperture()
     plan = plan.subapertures
     first = block.select(plan.sampling.pulses[0])
-    beams = plan_beams(plan.coarse, plan.radar, plan.lattice,
+    beams = plan_beams(plan.coarse, plan.radar, plan.resampling,
                        [(first.tx_m[:, 0], first.rx_m[:, 0])], _TARGET_DB, 8.0)
     for route in (None, beams):
         SubapertureImager(dataclasses.replace(plan, beams=route)).image(0, first)

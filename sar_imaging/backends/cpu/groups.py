@@ -290,7 +290,7 @@ def find_paths(b, geometry, r, centre, paths):
 
 @instructions(_i, _i, _d, _d, _d, _i)
 def find_drifts(b, paths, others, per_cell, spacing, n_phases, drifts):
-    """First to third order of segments' drifts over the lattice, (3, LINES) float64 at `drifts`.
+    """First to third order of segments' drifts over ranges, (3, LINES) float64 at `drifts`.
 
     In positions per range; `paths` and `others` are the addresses of what `find_paths` found of
     transmitter and receiver.
@@ -547,7 +547,7 @@ class _Map:
 
     def __init__(self, plan: GroupedMap, window, cycles_per_m: float, memory: WorkSpace):
         self.plan, self._memory, self._cycles_per_m = plan, memory, cycles_per_m
-        self._profiles = Profiles(window, plan.lattice, plan.range_m, memory)
+        self._profiles = Profiles(window, plan.resampling, plan.range_m, memory)
         self._phase_range_m = window.phase_range_m
         self._repeats = np.zeros((len(plan.tx), 2), np.uint8)
         self._repeats[1:, 0] = (plan.tx[1:] == plan.tx[:-1]).all(axis=1)
@@ -581,8 +581,8 @@ class _Map:
 
     def _until(self, number: int, edges, part: int) -> int:
         """End of the echoes that are resampled together: whole groups, or whole parts of one."""
-        per_echo = 4 * self.plan.lattice.interpolator.n_planes * (
-            self.plan.lattice.n_phases * self._profiles.n_cells)
+        per_echo = 4 * self.plan.resampling.interpolator.n_planes * (
+            self.plan.resampling.n_phases * self._profiles.n_cells)
         most = edges[part] + max(1, numba.get_num_threads() * _CHUNK_BYTES // per_echo)
         ends = self.plan.groups['end'][number:]
         if part == 0 and ends[0] <= most:
@@ -590,19 +590,19 @@ class _Map:
         return int(max(edges[part + 1], edges[edges <= most][-1]))
 
     def _cells(self, samples, first: int, end: int) -> Cells:
-        profiles, lattice = self._profiles, self.plan.lattice
+        profiles, resampling = self._profiles, self.plan.resampling
         planes = self._planes = profiles.planes(samples[first:end])
         _, n_phases, n_planes, n_cells = planes.shape
-        zero_m, segment = profiles.range_at(lattice.segment), lattice.segment
+        zero_m, segment = profiles.range_at(resampling.segment), resampling.segment
         cycles = self._cycles_per_m * (zero_m - self._phase_range_m)
-        return Cells(planes.ctypes.data, first, n_phases, n_planes, n_cells, lattice.step_m,
+        return Cells(planes.ctypes.data, first, n_phases, n_planes, n_cells, resampling.step_m,
                      self._cycles_per_m, np.array([
-                         zero_m, 1 / lattice.step_m, self._cycles_per_m * lattice.step_m,
+                         zero_m, 1 / resampling.step_m, self._cycles_per_m * resampling.step_m,
                          math.fmod(cycles, 1.0), 1 / n_phases, n_cells - 1.5 * segment,
                          n_planes * n_cells]))
 
     def _work(self) -> PartWork:
-        n_tasks, segment = numba.get_num_threads(), self.plan.lattice.segment
+        n_tasks, segment = numba.get_num_threads(), self.plan.resampling.segment
         return PartWork(self._memory('sums', (n_tasks, 2 * LINES * segment), np.float32),
                         self._memory('coefficients', (n_tasks, 11, LINES), np.float32),
                         self._memory('paths', (n_tasks, 8, LINES), np.float64),
@@ -611,8 +611,8 @@ class _Map:
                         np.arange(segment, dtype=np.float32) - segment // 2)
 
     def _lines(self, group) -> PartLines:
-        plan, segment = self.plan, self.plan.lattice.segment
-        n_range, n_lines, dr = int(group['n_range']), int(group['n_coarse']), plan.lattice.spacing
+        plan, segment, dr = self.plan, self.plan.resampling.segment, self.plan.resampling.spacing
+        n_range, n_lines = int(group['n_range']), int(group['n_coarse'])
         range_m, n_blocks = float(group['range_m']), -(-n_lines // LINES)
         middles = range_m + dr * (segment // 2 + segment * np.arange(-(-n_range // segment)))
         alpha = group['coarse'] + group['coarse_spacing'] * np.arange(n_blocks * LINES)

@@ -66,8 +66,8 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
     tiles : sequence of TileAmplitudes, optional
         Illumination of each layer: with what amplitude the echoes illuminate the pixels.
     """
-    lattice, (tx_m, rx_m) = profiles.lattice, plain(tx_m, rx_m)
-    segment = lattice.segment
+    resampling, (tx_m, rx_m) = profiles.resampling, plain(tx_m, rx_m)
+    segment = resampling.segment
     groups, segments = layers[0][0].shape[:2]
     tasks = min(groups * segments, _TASKS_PER_THREAD * numba.get_num_threads())
     work = LineWork(*np.empty((2, tasks * LINES * segment), np.float32),
@@ -83,8 +83,9 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
         repeats[:, 1] = (tx == rx).all(axis=1)
         planes = profiles.planes(samples[echoes])
         shape = (planes.shape[0], planes.shape[1], planes.shape[3])
-        some = LineProfiles(planes.reshape(-1), shape, profiles.range_at(segment), lattice.step_m,
-                            profiles.cycles_per_step, profiles.cycles_at(segment))
+        some = LineProfiles(planes.reshape(-1), shape, profiles.range_at(segment),
+                            resampling.step_m, profiles.cycles_per_step,
+                            profiles.cycles_at(segment))
         for number, (lines, layout) in enumerate(layers):
             _project_lines(some, tx, rx, repeats, lines, ramp, image, layout, index, work,
                            None if tiles is None else tiles[number].amplitudes(echoes))
@@ -316,7 +317,7 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
 
 @njit(inline='always')
 def _drift(paths, task, j, other, inverse_step, n_phases):
-    """First to third order of a segment's drift over the lattice, in steps per pixel number."""
+    """First to third order of a segment's drift over the range grid, in steps per pixel number."""
     return (0.5 * inverse_step * (paths[task, 1, j] + paths[task, other + 1, j]) - n_phases,
             0.25 * inverse_step * (paths[task, 2, j] + paths[task, other + 2, j]),
             (1.0 / 12.0) * inverse_step * (paths[task, 3, j] + paths[task, other + 3, j]))
@@ -447,12 +448,12 @@ class GridLineImages:
 
     def __init__(self, plan: BackprojectionPlan, memory: WorkSpace):
         route, lines = plan.route, plan.route.lines
-        segment = route.lattice.segment
-        self._profiles = Profiles(route.window, route.lattice, lines.range_m, memory)
+        segment = route.resampling.segment
+        self._profiles = Profiles(route.window, route.resampling, lines.range_m, memory)
         self._layers = [(line_middles(lines.locate(layer), lines.n_lines, lines.n_pixels, segment),
                          layout) for layer, layout in enumerate(lines.layouts)]
         # carrier phase that all lines of the image share
-        self._ramp = _phasor(self._profiles.cycles_per_step * route.lattice.n_phases
+        self._ramp = _phasor(self._profiles.cycles_per_step * route.resampling.n_phases
                              * np.arange(lines.n_pixels))
         self._tiles = None
         if route.amplitudes is not None:
@@ -474,13 +475,13 @@ class PolarLines:
     """
 
     def __init__(self, polar: PolarGrid, profiles: Profiles, nodes: LineAmplitudes | None = None):
-        lattice = profiles.lattice
+        resampling = profiles.resampling
         self._polar, self._profiles = polar, profiles
-        size = polar.n_alpha, polar.n_range, lattice.segment
+        size = polar.n_alpha, polar.n_range, resampling.segment
         self._lines = line_middles(polar.locate, *size)
         self._nodes = nodes and nodes.knots(polar.locate, *size)
         # from the phase that the kernel leaves to range baseband
-        cycles = 2 * (lattice.cell_m - polar.range_spacing_m) / profiles.radar.wavelength_m
+        cycles = 2 * (resampling.cell_m - polar.range_spacing_m) / profiles.radar.wavelength_m
         self._ramp = _phasor(cycles * np.arange(polar.n_range))
 
     def add(self, samples, tx_m, rx_m, image, illumination: Illumination | None = None) -> None:

@@ -122,7 +122,7 @@ def project_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m
     illumination : Illumination, optional
         Illumination of the echoes.
     """
-    profiles = Profiles(plan.window, plan.lattice, plan.range_m, memory)
+    profiles = Profiles(plan.window, plan.resampling, plan.range_m, memory)
     tx_m, rx_m = plain(tx_m, rx_m)
     work, tiles = PointWork.for_threads(), [PointTiles.of(points, plan) for points in layers]
     nodes = [plan.amplitudes and TileNodes(points, plan.tile, plan.amplitudes)
@@ -163,7 +163,7 @@ class PointProfiles(NamedTuple):
         """Of the profiles of some echoes."""
         coefficients = np.ascontiguousarray(profiles.planes(samples)[:, 0].transpose(0, 2, 1))
         return cls(coefficients.reshape(-1), *coefficients.shape[:2], profiles.range_at(0),
-                   profiles.lattice.step_m, profiles.cycles_per_step, profiles.cycles_at(0))
+                   profiles.resampling.step_m, profiles.cycles_per_step, profiles.cycles_at(0))
 
 
 class PointTiles(NamedTuple):
@@ -391,7 +391,7 @@ def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, illuminati
                 short_cycles, n_last = np.float32(cycles_per_step), np.float32(last)
                 for k in range(count):
                     x, y, z = offsets[ox + k], offsets[oy + k], offsets[oz + k]
-                    # q / 2 of both legs, in lattice steps
+                    # q / 2 of both legs, in range steps
                     q = ux * x + uy * y + uz * z + wa * offsets[oo + k]
                     p = vx * x + vy * y + vz * z + wb * offsets[oo + k]
                     shift = q * _root_series(q * ia) + p * _root_series(p * ib)

@@ -156,7 +156,7 @@ class PolarImage:
     def __init__(self, plan: BackprojectionPlan, memory: WorkSpace):
         route = self._route = plan.route
         self._grid: MapGrid = plan.grid
-        profiles = Profiles(route.window, route.lattice, route.range_m, memory)
+        profiles = Profiles(route.window, route.resampling, route.range_m, memory)
         self._lines = PolarLines(route.projected, profiles, route.amplitudes)
         self._illumination = plan.illumination
         self._merging = route.parts and AzimuthUpsampling(route.parts)

@@ -322,7 +322,7 @@ def group_to_map(lines, group, axes_m, plan: GroupedMap, cycles_per_m: float, im
     _interpolate(lines[:, 0], lines[:, 1], _Lines(
         line, rows, (float(ahead / spacing), float(track[1 - axis] / spacing),
                      float(group['alpha'] / spacing - plan.between.first)),
-        float(group['height_m']), float(group['range_m']), plan.lattice.spacing,
+        float(group['height_m']), float(group['range_m']), plan.resampling.spacing,
         int(group['n_range']), int(group['n_alpha'])), image, [0, len(rows)], True, axis,
         cycles_per_m, plan.between, plan.along)
 

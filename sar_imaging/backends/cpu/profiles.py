@@ -1,6 +1,6 @@
 # Copyright 2026 SAR Imaging contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Range profiles on the lattice that backprojection reads: resampled, and as polynomials.
+"""Range profiles on the range grid that backprojection reads: resampled, and as polynomials.
 
 The polynomials are those of `planning.interpolators` (Farrow 1988).
 """
@@ -62,7 +62,7 @@ def weigh_samples(b, samples, imaginary, weights, degrees, begin, end, target, p
 
 
 def farrow_coefficients(samples, weights, first, pad, out):
-    """Coefficients of every interval of a phase-major lattice.
+    """Coefficients of every interval of a range grid with the phase first.
 
     Parameters
     ----------
@@ -102,32 +102,32 @@ def _weigh_all(samples, shape, start, weights, degrees, pad, out):
 
 
 _CHUNK_BYTES = 64 << 20  # coefficients of one pass over the image
-_GUARD = 8  # lattice cells beyond the ranges of the image
+_GUARD = 8  # range cells beyond the ranges of the image
 
 
 class Profiles:
-    """Range profiles of one radar on a lattice, for the ranges that an image can reach.
+    """Range profiles of one radar on a range grid, for the ranges that an image can reach.
 
     Parameters
     ----------
     source : RangeGate or PhaseHistory
-        What the profiles are made of; `lattice` was planned for as many samples.
+        What the profiles are made of; `resampling` was planned for as many samples.
     memory : WorkSpace, optional
         Shared with other profiles that are made in turn.
     """
 
-    def __init__(self, source: RangeGate | PhaseHistory, lattice: RangeResampling,
+    def __init__(self, source: RangeGate | PhaseHistory, resampling: RangeResampling,
                  range_m: tuple[float, float], memory: WorkSpace | None = None):
         self.radar: RadarParameters = source.radar
-        self.lattice, self._source = lattice, source
+        self.resampling, self._source = resampling, source
         self._buffer = memory or WorkSpace()
-        self._pad = max(lattice.segment, _GUARD)
-        lo, hi = ((r - source.range_start_m) / lattice.cell_m for r in range_m)
+        self._pad = max(resampling.segment, _GUARD)
+        lo, hi = ((r - source.range_start_m) / resampling.cell_m for r in range_m)
         if not source.periodic:
-            lo, hi = max(lo, 0), min(hi, lattice.n_cells)
+            lo, hi = max(lo, 0), min(hi, resampling.n_cells)
         self._first = math.floor(lo) - _GUARD - self._pad
         self._count = math.ceil(hi) + _GUARD + self._pad - self._first
-        gain = source.gain(lattice.n_padded, lattice.oversampling(self.radar))
+        gain = source.gain(resampling.n_padded, resampling.oversampling(self.radar))
         self._gain = np.repeat(gain, 2)  # of real and imaginary part
 
     @property
@@ -137,12 +137,12 @@ class Profiles:
 
     @property
     def cycles_per_step(self) -> float:
-        """Carrier phase per lattice step, cycles."""
-        return 2 * self.lattice.step_m / self.radar.wavelength_m
+        """Carrier phase per range step, cycles."""
+        return 2 * self.resampling.step_m / self.radar.wavelength_m
 
     def range_at(self, cell: int) -> float:
         """Half path at a cell of the planes, metres."""
-        return self._source.range_start_m + (self._first + cell) * self.lattice.cell_m
+        return self._source.range_start_m + (self._first + cell) * self.resampling.cell_m
 
     def cycles_at(self, cell: int) -> float:
         """Carrier phase at a cell of the planes, fraction of a cycle."""
@@ -151,8 +151,9 @@ class Profiles:
 
     def chunks(self, n_echoes: int):
         """Slices of echoes that are added in one pass."""
-        n_bytes = 4 * self.lattice.interpolator.n_planes * self.lattice.n_phases * self._count
-        step = min(self.lattice.echoes_per_pass,
+        resampling = self.resampling
+        n_bytes = 4 * resampling.interpolator.n_planes * resampling.n_phases * self._count
+        step = min(resampling.echoes_per_pass,
                    max(numba.get_num_threads(), _CHUNK_BYTES // n_bytes))
         return (slice(lo, min(lo + step, n_echoes)) for lo in range(0, n_echoes, step))
 
@@ -170,28 +171,29 @@ class Profiles:
             As `farrow_coefficients` makes them. Valid until the next call, which writes to the
             same memory: fresh memory for every few profiles costs as much as filling it.
         """
-        lattice, n_echoes = self.lattice, len(samples)
-        spectrum = spectra(self._source, samples, lattice.n_padded, self._buffer)
-        padded = self._buffer('padded', (n_echoes, lattice.n_cells * lattice.n_phases),
+        resampling, n_echoes = self.resampling, len(samples)
+        spectrum = spectra(self._source, samples, resampling.n_padded, self._buffer)
+        padded = self._buffer('padded', (n_echoes, resampling.n_cells * resampling.n_phases),
                               np.complex64)
         _pad_band(spectrum.reshape(-1).view(np.float32), spectrum.shape, self._source.zero,
                   self._gain, padded.reshape(-1).view(np.float32), padded.shape[1])
         transform_rows(padded, inverse=True)
         length = self._count - 2 * self._pad + 2 * TAPS
         first = self._first + self._pad - TAPS
-        split = self._buffer('split', (2, n_echoes, lattice.n_phases, length), np.float32)
+        split = self._buffer('split', (2, n_echoes, resampling.n_phases, length), np.float32)
         inside = (0, length) if self._source.periodic else (
-            min(max(-first, 0), length), max(min(lattice.n_cells - first, length), 0))
-        _split_phases(padded.reshape(-1).view(np.float32), lattice.n_cells, first, *inside, split)
-        planes = self._buffer('planes', (n_echoes, lattice.n_phases, lattice.interpolator.n_planes,
+            min(max(-first, 0), length), max(min(resampling.n_cells - first, length), 0))
+        _split_phases(padded.reshape(-1).view(np.float32), resampling.n_cells, first, *inside,
+                      split)
+        interpolator = resampling.interpolator
+        planes = self._buffer('planes', (n_echoes, resampling.n_phases, interpolator.n_planes,
                                          self._count), np.float32)
         layout, (known, n_known) = (*planes.shape[1:], self._pad), self._buffer.layouts.get(
             'planes', (None, 0))
         if known != layout or n_known < n_echoes:
             planes[..., :self._pad] = planes[..., -self._pad:] = 0.0
             self._buffer.layouts['planes'] = layout, n_echoes
-        farrow_coefficients(split, lattice.interpolator.weights, lattice.interpolator.first,
-                            self._pad, planes)
+        farrow_coefficients(split, interpolator.weights, interpolator.first, self._pad, planes)
         return planes
 
 

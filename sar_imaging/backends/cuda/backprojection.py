@@ -253,7 +253,7 @@ class _Polar:
             self._polar = tiles.lines_of_grid(route.polar, lines)
         if route.parts is not None:
             merging = AzimuthUpsampling(route.parts, lines)
-        profiles = line_profiles(route.window, route.lattice, route.range_m)
+        profiles = line_profiles(route.window, route.resampling, route.range_m)
         coarse, read = (route.polar, lines) if merging is None else (
             route.parts.coarse, merging.read)
         self._lines = polar_lines(coarse, profiles, read, route.amplitudes)
@@ -279,14 +279,14 @@ class _AlongLines:
 
     def __init__(self, plan: BackprojectionPlan, tile: Tile):
         route, lines = plan.route, plan.route.lines
-        profiles = line_profiles(route.window, route.lattice, lines.range_m)
+        profiles = line_profiles(route.window, route.resampling, lines.range_m)
         if tile.rows is None:
             layers = [(lines.locate(layer), layout) for layer, layout in enumerate(lines.layouts)]
         else:
             layers = [(lines.locate(tile.layer), (tile.shape[0], 0, 2 * lines.n_pixels, 2, 1))]
         self._illumination = plan.illumination
         self._lines = Lines(profiles, layers, lines.n_pixels,
-                            ramp(profiles.cycles_per_step * route.lattice.n_phases,
+                            ramp(profiles.cycles_per_step * route.resampling.n_phases,
                                  lines.n_pixels), route.amplitudes, tile.rows, lines.n_lines)
 
     def add(self, samples, tx_m, rx_m, image) -> None:

@@ -467,10 +467,10 @@ class Beams:
     """Lines of the coarse grid of a plan, read from the beams of sub-apertures."""
 
     def __init__(self, plan: SubaperturePlan):
-        source, lattice, sampling, polar = plan.source, plan.lattice, plan.beams, plan.coarse
+        source, resampling, sampling, polar = plan.source, plan.resampling, plan.beams, plan.coarse
         self._plan, self._edges, self._geometries = plan, grid_edges(polar), {}
-        n_bins, n_cells = lattice.n_padded, lattice.n_cells
-        first = math.floor((plan.range_m[0] - source.range_start_m) / lattice.cell_m) - CELL_TAPS
+        n_bins, n_cells, cell_m = resampling.n_padded, resampling.n_cells, resampling.cell_m
+        first = math.floor((plan.range_m[0] - source.range_start_m) / cell_m) - CELL_TAPS
         # beyond the profile's ends a period repeats, what was recorded does not
         self._known = (0, n_cells) if source.periodic else tuple(
             min(max(end, 0), n_cells) for end in (-first, n_cells - first))
@@ -480,12 +480,12 @@ class Beams:
         shift = np.exp(2j * np.pi * np.fmod(number * (first / n_cells), 1.0))
         self._gain = xp.asarray((gain * shift).astype(np.complex64))
         self._cycles_per_m = 2 / source.radar.wavelength_m
-        self._scales = xp.asarray(np.array([self._cycles_per_m, 1 / (n_cells * lattice.cell_m)]))
+        self._scales = xp.asarray(np.array([self._cycles_per_m, 1 / (n_cells * cell_m)]))
         self._track = xp.asarray(np.array([*polar.track, *polar.across]))
         self._grid = xp.asarray(np.array([
             polar.range_start_m, polar.range_spacing_m, polar.alpha_start, polar.alpha_spacing,
             polar.height_m ** 2, *polar.track, polar.side, *polar.origin_m[:2],
-            source.range_start_m + first * lattice.cell_m, lattice.cell_m, self._cycles_per_m,
+            source.range_start_m + first * cell_m, cell_m, self._cycles_per_m,
             source.phase_range_m]))
         self._table = xp.asarray(np.exp(sampling.between.log_gain).astype(np.float32))
         self._weights = [xp.asarray(v.weights) for v in (sampling.between.interpolator,
@@ -499,7 +499,7 @@ class Beams:
         """Memory that a sub-aperture takes besides its echoes, with transforms."""
         plan, coarse = self._plan, self._plan.coarse
         n_beams = plan.beams.n_beams(coarse.n_alpha * coarse.alpha_spacing)
-        return int(8 * (3 * n_beams * plan.lattice.n_cells + coarse.n_alpha * coarse.n_range))
+        return int(8 * (3 * n_beams * plan.resampling.n_cells + coarse.n_alpha * coarse.n_range))
 
     def images(self, samples, weights, pieces: Sequence[slice], tx_m, rx_m,
                nodes: Sequence[AmplitudeNodes | None]):
@@ -541,7 +541,7 @@ class Beams:
         between, along = self._plan.beams.between.interpolator, self._plan.beams.along
         launch(interpolate_weighted_beams if parabolas else interpolate_beams,
                (-(-polar.n_range // _THREADS), polar.n_alpha, len(pieces)), _THREADS, pairs(beams),
-               self._plan.lattice.n_cells, most, there, geometry, self._grid, *self._weights,
+               self._plan.resampling.n_cells, most, there, geometry, self._grid, *self._weights,
                between.first, along.first, images, *parabolas)
         return images
 
@@ -568,18 +568,19 @@ class Beams:
 
     def _beams(self, samples, weights, rows, there, geometry, centres):
         """(G, M, n_cells) complex64 beams at range baseband; `there` is `rows` on the device."""
-        source, lattice, between = self._plan.source, self._plan.lattice, self._plan.beams.between
-        spectra = xp.ascontiguousarray(profile_spectra(source, samples, lattice.n_padded))
+        plan = self._plan
+        source, resampling, between = plan.source, plan.resampling, plan.beams.between
+        spectra = xp.ascontiguousarray(profile_spectra(source, samples, resampling.n_padded))
         n, n_echoes, most = len(rows), int(rows[:, 1].max()), int(rows[:, 2].max())
         path = xp.empty((n, most, n_echoes), np.float64)
         launch(beam_paths, (-(-most * n_echoes // _THREADS), n), _THREADS, xp.asarray(centres),
                there, geometry, self._track, path)
-        beams = xp.empty((n, most, lattice.n_cells), np.complex64)
-        launch(self._form, (-(-lattice.n_cells // _THREADS), -(-most // BEAMS), n), _THREADS,
+        beams = xp.empty((n, most, resampling.n_cells), np.complex64)
+        launch(self._form, (-(-resampling.n_cells // _THREADS), -(-most // BEAMS), n), _THREADS,
                pairs(spectra), weights, there, path, self._scales, self._table, 1 / between.step,
                self._gain, source.zero, pairs(beams))
         beams = xp.fft.ifft(beams, axis=-1, norm='forward').astype(np.complex64, copy=False)
-        for unknown in (slice(0, self._known[0]), slice(self._known[1], lattice.n_cells)):
+        for unknown in (slice(0, self._known[0]), slice(self._known[1], resampling.n_cells)):
             if unknown.start < unknown.stop:
                 beams[..., unknown] = 0.0
         return beams

@@ -76,7 +76,7 @@ def device_costs() -> DeviceCosts:
 
 def operations(plan: BackprojectionPlan | AfbpPlan) -> dict[str, float]:
     """How often a plan does the operations of `DeviceCosts`."""
-    n_samples = (plan.route.lattice.n_padded if isinstance(plan, BackprojectionPlan)
+    n_samples = (plan.route.resampling.n_padded if isinstance(plan, BackprojectionPlan)
                  else plan.subapertures.n_samples)
     n_echoes = plan.tx_m.size // 3
     return plan.operations | {

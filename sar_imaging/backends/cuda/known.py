@@ -11,7 +11,7 @@ from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
 from ...planning.exact.points import PointPlan
 from ...planning.exact.polar_image import PolarPlan
 
-_ROUTE = {'window', 'lattice', 'errors_db', 'cost', 'amplitudes'}
+_ROUTE = {'window', 'resampling', 'errors_db', 'cost', 'amplitudes'}
 _KNOWN = {BackprojectionPlan: {'grid', 'radar', 'tx_m', 'rx_m', 'range_m', 'route', 'warnings',
                               'illumination'},
           LinePlan: _ROUTE | {'lines'},
@@ -19,7 +19,7 @@ _KNOWN = {BackprojectionPlan: {'grid', 'radar', 'tx_m', 'rx_m', 'range_m', 'rout
           PolarPlan: _ROUTE | {'polar', 'range_m', 'axis', 'between', 'along', 'parts',
                              'wavelength_m'},
           SubaperturePlan: {'polar', 'given', 'source', 'n_samples', 'n_channels', 'sampling',
-                            'fusion_grid', 'lattice', 'beams', 'range_m', 'limits', 'warnings',
+                            'fusion_grid', 'resampling', 'beams', 'range_m', 'limits', 'warnings',
                             'amplitudes'}}
 
 

@@ -140,11 +140,11 @@ def add_lines(planes, profile, segment, centres, lines, ramp, image, layout):
     Parameters
     ----------
     planes : pairs
-        Polynomials of each echo, phase of the lattice, and cell, (R, U, n / 32, 5, 32) complex64
-        (`Profiles.planes`).
+        Polynomials of each echo, phase of the range grid, and cell, (R, U, n / 32, 5, 32)
+        complex64 (`Profiles.planes`).
     profile : tuple
-        Phases U and cells n; half path at cell `segment`, metres a position of the lattice, cycles
-        of the carrier a position, and at cell `segment`.
+        Phases U and cells n; half path at cell `segment`, metres a position, cycles of
+        the carrier a position, and at cell `segment`.
     segment : int
         Pixels of a segment.
     centres : (R, 6) float64
@@ -409,7 +409,7 @@ class Lines:
 
     def __init__(self, profiles: Profiles, layers, n_pixels: int, ramp: np.ndarray,
                  nodes: LineAmplitudes | None = None, rows: slice | None = None, n_lines: int = 0):
-        self.profiles, segment = profiles, profiles.lattice.segment
+        self.profiles, segment = profiles, profiles.resampling.segment
         self._n_lines, self._ramp = int(layers[0][1][0]), xp.asarray(ramp)
         rows, n_lines = rows or slice(0, self._n_lines), n_lines or self._n_lines
         self._layers = [(xp.asarray(segment_middles(locate, rows, n_pixels, segment)),
@@ -431,21 +431,22 @@ class Lines:
         illumination : Illumination, optional
             Illumination of the echoes, where lines are illuminated.
         """
-        profiles, lattice = self.profiles, self.profiles.lattice
-        segment = lattice.segment
+        profiles, resampling = self.profiles, self.profiles.resampling
+        segment = resampling.segment
         blocks = -(-len(self._ramp) // segment), -(-self._n_lines // block_lines(segment))
         centres = xp.asarray(np.concatenate([tx_m, rx_m], axis=1))
         antennas = illumination and Antennas(illumination)
         n_bytes = max(0 if nodes is None else nodes.echo_bytes for nodes in self._nodes)
-        together, n_echoes = lattice.echoes_per_pass, len(samples)
+        together, n_echoes = resampling.echoes_per_pass, len(samples)
         chunks = profiles.chunks(n_echoes, ECHOES, n_bytes) if together >= ECHOES else (
             slice(first, min(first + together, n_echoes))
             for first in range(0, n_echoes, together))
         for echoes, some in in_pieces(samples, chunks):
             planes = profiles.planes(some)
             for (lines, layout), nodes in zip(self._layers, self._nodes, strict=True):
-                profile = (lattice.n_phases, profiles.n_cells, profiles.range_at(segment),
-                           lattice.step_m, profiles.cycles_per_step, profiles.cycles_at(segment))
+                profile = (resampling.n_phases, profiles.n_cells, profiles.range_at(segment),
+                           resampling.step_m, profiles.cycles_per_step,
+                           profiles.cycles_at(segment))
                 given = (pairs(planes), profile, segment, centres[echoes], lines, self._ramp,
                          image, layout)
                 if nodes is None:
@@ -491,10 +492,10 @@ def segment_middles(locate: Callable, rows: slice, n_pixels: int, segment: int) 
     return np.ascontiguousarray(found.transpose(0, 2, 1))
 
 
-def line_profiles(source: RangeGate | PhaseHistory, lattice: RangeResampling,
+def line_profiles(source: RangeGate | PhaseHistory, resampling: RangeResampling,
                   range_m: tuple[float, float]) -> Profiles:
     """Profiles as lines read them, see `Profiles`."""
-    return Profiles(source, lattice, range_m, FOLD)
+    return Profiles(source, resampling, range_m, FOLD)
 
 
 def polar_lines(polar: PolarGrid, profiles: Profiles, rows: slice | None = None,
@@ -505,7 +506,7 @@ def polar_lines(polar: PolarGrid, profiles: Profiles, rows: slice | None = None,
     """
     rows = rows or slice(0, polar.n_alpha)
     n_lines, width = rows.stop - rows.start, polar.n_range
-    cycles = 2 * (profiles.lattice.cell_m - polar.range_spacing_m) / profiles.wavelength_m
+    cycles = 2 * (profiles.resampling.cell_m - polar.range_spacing_m) / profiles.wavelength_m
     layout = n_lines, 0, width, 1, n_lines * width
     return Lines(profiles, [(polar.locate, layout)], width, ramp(cycles, width), nodes, rows,
                  polar.n_alpha)

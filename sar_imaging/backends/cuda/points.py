@@ -460,7 +460,7 @@ class Points:
     """
 
     def __init__(self, plan: PointPlan, layers: Sequence[ImagePoints], rows: slice | None = None):
-        self._plan, self._profiles = plan, Profiles(plan.window, plan.lattice, plan.range_m)
+        self._plan, self._profiles = plan, Profiles(plan.window, plan.resampling, plan.range_m)
         rows = rows or slice(0, layers[0].size[0])
         self._nodes = [plan.amplitudes and _Nodes(points, rows, plan) for points in layers]
         self._layers = [self._prepared(rows_of_points(points, rows)) for points in layers]
@@ -487,7 +487,7 @@ class Points:
             planes = pairs(profiles.planes(some))
             for made, part, nodes in zip(self._layers, parts, self._nodes, strict=True):
                 blocks = -(-len(made[-1]) // together)
-                profile = (profiles.n_cells, profiles.range_at(0), plan.lattice.step_m,
+                profile = (profiles.n_cells, profiles.range_at(0), plan.resampling.step_m,
                            profiles.cycles_per_step, profiles.cycles_at(0))
                 given = planes, profile, centres[echoes], *made, part
                 if nodes is None:

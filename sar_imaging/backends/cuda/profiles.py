@@ -1,6 +1,6 @@
 # Copyright 2026 SAR Imaging contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Range profiles on the lattice that backprojection reads, on the device."""
+"""Range profiles on the range grid that backprojection reads, on the device."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .arrays import (
     xp,
 )
 
-_GUARD = 8  # lattice cells beyond the ranges of the image
+_GUARD = 8  # range cells beyond the ranges of the image
 _MOST_BYTES, _SHARE = 1 << 30, 4  # of polynomials at once, and of the free memory one part in so
 _THREADS = 128
 _TAPS, _MOST_WEIGHTS = TAPS, TAPS * (LINE_DEGREE + 1)
@@ -79,13 +79,13 @@ def pad_band(spectrum, zero: int, gain, n_out: int):
 
 
 class Profiles:
-    """Range profiles of one radar on a lattice, for the ranges that an image can reach.
+    """Range profiles of one radar on a range grid, for the ranges that an image can reach.
 
     Parameters
     ----------
     source : RangeGate or PhaseHistory
-        What the profiles are made of; `lattice` was planned for as many samples.
-    lattice : RangeResampling
+        What the profiles are made of; `resampling` was planned for as many samples.
+    resampling : RangeResampling
         How they are read.
     range_m : (float, float)
         Half paths that are read, metres.
@@ -94,19 +94,19 @@ class Profiles:
         together; 0 for the coefficients of each cell side by side.
     """
 
-    def __init__(self, source: RangeGate | PhaseHistory, lattice: RangeResampling,
+    def __init__(self, source: RangeGate | PhaseHistory, resampling: RangeResampling,
                  range_m: tuple[float, float], fold: int = 0):
-        self.lattice, self._source, self._fold = lattice, source, fold
-        self._pad = max(lattice.segment, _GUARD)
-        lo, hi = ((r - source.range_start_m) / lattice.cell_m for r in range_m)
+        self.resampling, self._source, self._fold = resampling, source, fold
+        self._pad = max(resampling.segment, _GUARD)
+        lo, hi = ((r - source.range_start_m) / resampling.cell_m for r in range_m)
         if not source.periodic:
-            lo, hi = max(lo, 0), min(hi, lattice.n_cells)
+            lo, hi = max(lo, 0), min(hi, resampling.n_cells)
         self._first = math.floor(lo) - _GUARD - self._pad
         n_cells = math.ceil(hi) + _GUARD + self._pad - self._first
         self.n_cells = -(-n_cells >> fold) << fold
-        self._gain = xp.asarray(source.gain(lattice.n_padded,
-                                            lattice.oversampling(source.radar)))
-        self._weights = xp.asarray(lattice.interpolator.weights)
+        self._gain = xp.asarray(source.gain(resampling.n_padded,
+                                            resampling.oversampling(source.radar)))
+        self._weights = xp.asarray(resampling.interpolator.weights)
 
     @property
     def wavelength_m(self) -> float:
@@ -115,12 +115,12 @@ class Profiles:
 
     @property
     def cycles_per_step(self) -> float:
-        """Carrier phase per lattice step, cycles."""
-        return 2 * self.lattice.step_m / self.wavelength_m
+        """Carrier phase per range step, cycles."""
+        return 2 * self.resampling.step_m / self.wavelength_m
 
     def range_at(self, cell: int) -> float:
         """Half path at a cell of the planes, metres."""
-        return self._source.range_start_m + (self._first + cell) * self.lattice.cell_m
+        return self._source.range_start_m + (self._first + cell) * self.resampling.cell_m
 
     def cycles_at(self, cell: int) -> float:
         """Carrier phase at a cell of the planes, fraction of a cycle."""
@@ -132,10 +132,10 @@ class Profiles:
 
         `more_bytes` are what else an echo takes there.
         """
-        lattice = self.lattice
-        dense = lattice.n_cells * lattice.n_phases
-        echo_bytes = (4 * lattice.interpolator.n_planes * lattice.n_phases * self.n_cells
-                      + 8 * (5 * lattice.n_padded + 3 * dense)  # with copies and transforms
+        resampling = self.resampling
+        dense = resampling.n_cells * resampling.n_phases
+        echo_bytes = (4 * resampling.interpolator.n_planes * resampling.n_phases * self.n_cells
+                      + 8 * (5 * resampling.n_padded + 3 * dense)  # with copies and transforms
                       + more_bytes)
         echoes = min(_MOST_BYTES, free_bytes() // _SHARE) // echo_bytes
         if not echoes // together:
@@ -157,16 +157,16 @@ class Profiles:
         (R, U, n / B, degree + 1, B) complex64 array of the device
             Coefficients of each phase and cell, in blocks of B cells.
         """
-        lattice, source, n_echoes = self.lattice, self._source, len(samples)
-        n_powers, n_phases = len(lattice.interpolator.weights), lattice.n_phases
-        spectrum = profile_spectra(source, complex_samples(samples), lattice.n_padded)
-        padded = pad_band(spectrum, source.zero, self._gain, lattice.n_cells * n_phases)
+        resampling, source, n_echoes = self.resampling, self._source, len(samples)
+        n_powers, n_phases = len(resampling.interpolator.weights), resampling.n_phases
+        spectrum = profile_spectra(source, complex_samples(samples), resampling.n_padded)
+        padded = pad_band(spectrum, source.zero, self._gain, resampling.n_cells * n_phases)
         dense = xp.fft.ifft(padded, axis=-1, norm='forward').astype(np.complex64, copy=False)
         planes = xp.empty((n_echoes, n_phases, self.n_cells >> self._fold, n_powers,
                            1 << self._fold), np.complex64)
         launch(farrow_coefficients, (-(-self.n_cells // _THREADS), n_phases, n_echoes), _THREADS,
                pairs(dense), dense.shape[1], self._weights, self._first,
-               lattice.interpolator.first, self._pad, source.periodic, self.n_cells, n_phases,
+               resampling.interpolator.first, self._pad, source.periodic, self.n_cells, n_phases,
                self._fold, pairs(planes))
         return planes
 
@@ -174,18 +174,18 @@ class Profiles:
 @kernel()
 def farrow_coefficients(dense, length, weights, first_cell, first, pad, periodic, n_cells,
                         n_phases, fold, planes):
-    """Coefficients of each interval of a lattice; a grid of (cells, phases, echoes).
+    """Coefficients of each interval of a range grid; a grid of (cells, phases, echoes).
 
     ``c_q = sum_k weights[q, k] s[U cell + phase + first + k]`` (`Interpolator`).
 
     Parameters
     ----------
     dense, length : pairs, int
-        Profiles at all positions of the lattice, from its cell 0 on: echo by echo so many.
+        Profiles at all positions of the range grid, from its cell 0 on: echo by echo so many.
     weights : (degree + 1, TAPS) float32
         Weights of the neighbours in each coefficient.
     first_cell, first, pad : int
-        Cell of the lattice that is cell 0 of `planes`; offset of the first neighbour; cells at
+        Cell of the range grid that is cell 0 of `planes`; offset of the first neighbour; cells at
         both ends of `planes` that are zero.
     periodic : bool
         The profiles repeat; they are zero beyond their ends otherwise.

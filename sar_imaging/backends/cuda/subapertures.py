@@ -54,7 +54,7 @@ class SubapertureImager:
         self.plan = plan
         self._beams = plan.beams and Beams(plan)
         self._lines = None if plan.beams else polar_lines(
-            plan.coarse, line_profiles(plan.source, plan.lattice, plan.range_m),
+            plan.coarse, line_profiles(plan.source, plan.resampling, plan.range_m),
             nodes=plan.amplitudes and plan.amplitudes.lines)
 
     @property
@@ -170,7 +170,7 @@ class ApertureFusion:
         # with what fusion and the samples in their turn take
         echoes = max(some.stop - some.start for some in plan.sampling.pulses) * plan.n_channels
         one = (self._imager.image_bytes + 3 * 8 * coarse.n_alpha * coarse.n_range
-               + 4 * 8 * echoes * max(plan.n_samples, plan.lattice.n_padded))
+               + 4 * 8 * echoes * max(plan.n_samples, plan.resampling.n_padded))
         most = int(min(_MOST_BYTES, free_bytes() // _SHARE) // one)
         if not most:
             check_memory(one, 'a sub-aperture', "use backend='cpu'")

@@ -82,7 +82,7 @@ def whole(plan: BackprojectionPlan) -> Tile:
 
 def _lines(plan: BackprojectionPlan):
     """Some lines of every layer."""
-    lines, segment = plan.route.lines, plan.route.lattice.segment
+    lines, segment = plan.route.lines, plan.route.resampling.segment
     n_segments = -(-lines.n_pixels // segment)
     row_bytes = IMAGE_BYTES * lines.n_pixels + _LINE_BYTES * n_segments
     if plan.route.amplitudes is not None:
@@ -128,7 +128,7 @@ def _strips(plan: BackprojectionPlan):
     row_bytes = IMAGE_BYTES * (n_pixels + lines * route.polar.n_range)
     if route.amplitudes is not None:
         coarse = route.polar if route.parts is None else route.parts.coarse
-        row_bytes += route.amplitudes.n_bytes(*coarse.shape, route.lattice.segment) / n_rows
+        row_bytes += route.amplitudes.n_bytes(*coarse.shape, route.resampling.segment) / n_rows
     step = max(1, round(_LEAST_LINES / lines))
 
     def tiles(rows: slice) -> Iterator[Tile]:

@@ -64,14 +64,14 @@ class Backprojection:
                                   along=route.along)
             return
         points_m = grid.points().reshape(*image.shape, 3)  # whatever the route, exactly
-        image += project_points(route.window, samples, route.lattice.n_padded, tx_m, rx_m,
+        image += project_points(route.window, samples, route.resampling.n_padded, tx_m, rx_m,
                                 points_m, self.plan.illumination)
 
     def _polar_image(self, samples, tx_m, rx_m) -> np.ndarray:
         route, illumination = self.plan.route, self.plan.illumination
 
         def project(echoes, polar):
-            return project_lines(route.window, samples[echoes], route.lattice.n_padded,
+            return project_lines(route.window, samples[echoes], route.resampling.n_padded,
                                  tx_m[echoes], rx_m[echoes], polar,
                                  illumination and illumination.select(echoes))
 
@@ -120,7 +120,7 @@ class SubapertureImager:
         weights = np.ones(block.n_pulses) if weights is None else weights
         samples = samples * np.repeat(weights, plan.n_channels)[:, None]
         if plan.beams is None:
-            image = project_lines(plan.source, samples, plan.lattice.n_padded, *echoes,
+            image = project_lines(plan.source, samples, plan.resampling.n_padded, *echoes,
                                   plan.coarse, plan.illumination_of(block))
         else:
             nodes = plan.weighed_by(block) or (None,)

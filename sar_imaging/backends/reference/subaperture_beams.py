@@ -41,25 +41,25 @@ def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m,
     ValueError
         The plane is too steep below the echoes for their directions to be told apart.
     """
-    polar, source, lattice, sampling = plan.coarse, plan.source, plan.lattice, plan.beams
+    polar, source, resampling, sampling = plan.coarse, plan.source, plan.resampling, plan.beams
     geometry = BeamGeometry.of(polar, grid_edges(polar), tx_m, rx_m)
     if geometry is None:
         raise ValueError(f'the imaging plane, {polar.z_m:g} m high, is too steep below the phase '
                          f'centres around {tx_m.mean(axis=0).round(2)}; use exact backprojection')
     start, spacing, n_beams = sampling.directions(geometry, tx_m, rx_m)
     path_m = geometry.beam_path(tx_m, rx_m, start + spacing * np.arange(n_beams))
-    spectra = profile_spectra(source, samples, lattice.n_padded)
-    n_cells, number = lattice.n_cells, np.arange(lattice.n_padded) - lattice.n_padded // 2
+    spectra = profile_spectra(source, samples, resampling.n_padded)
+    n_cells, number = resampling.n_cells, np.arange(resampling.n_padded) - resampling.n_padded // 2
     beams = form_beams(spectra, path_m, 2 / source.radar.wavelength_m
-                       + number / (n_cells * lattice.cell_m), sampling.between)
-    first = math.floor((plan.range_m[0] - source.range_start_m) / lattice.cell_m) - CELL_TAPS
+                       + number / (n_cells * resampling.cell_m), sampling.between)
+    first = math.floor((plan.range_m[0] - source.range_start_m) / resampling.cell_m) - CELL_TAPS
     profiles = beam_profiles(beams, n_cells, first,
                              sampling.range_gain(np.ones(len(number)), number, n_cells))
     if not source.periodic:  # a profile is zero beyond its ends
         cell = first + np.arange(n_cells)
         profiles[:, (cell < 0) | (cell >= n_cells)] = 0.0
     image = BeamImage(profiles, geometry.centre_m, polar.track, (start, spacing),
-                      (source.range_start_m + first * lattice.cell_m, lattice.cell_m),
+                      (source.range_start_m + first * resampling.cell_m, resampling.cell_m),
                       geometry.range_m)
     points_m = polar.lines(polar.range_m, polar.alpha[:, None])[0]
     parabolas = None if nodes is None else amplitude_parabolas(

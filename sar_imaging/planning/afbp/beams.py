@@ -432,28 +432,29 @@ class BeamSampling:
         """Beams of each group, in no more groups than needed: even, or one."""
         return int(_groups(n_beams, self.group)[1])
 
-    def operations(self, n_echoes: int, lattice: RangeResampling, n_pixels: int, span: float,
+    def operations(self, n_echoes: int, resampling: RangeResampling, n_pixels: int, span: float,
                    n_images: int = 1) -> dict[str, float]:
         """How often images do the operations of `CostModel` with beams.
 
         The echoes are those of all images together, pixels and `span`, in direction cosine, those
-        of each; the lattice is that of the profiles.
+        of each; the range grid is that of the profiles.
         """
         n_images *= max(1, self.n_weighed)
         counts = _operations(self.n_beams(span), self.group, self.paired, self.segment, n_echoes,
-                             lattice, n_pixels, n_images)
+                             resampling, n_pixels, n_images)
         return counts | {'weighed_image': n_images} if self.n_weighed else counts
 
 
-def least_operations(n_echoes: int, lattice: RangeResampling, n_pixels: int,
+def least_operations(n_echoes: int, resampling: RangeResampling, n_pixels: int,
                      n_needed: float) -> dict[str, float]:
     """What `BeamSampling.operations` is not below, whatever the sampling.
 
     `n_needed` is the number of beams that lie as far apart as the band of the echoes lets them.
     """
     n_beams = _n_beams(n_needed, 1 / _OVERSAMPLING[0])
-    counts = _operations(n_beams, max(_GROUPS), True, max(_SEGMENTS), n_echoes, lattice, n_pixels)
-    return counts | {'beam_bin': 0.5 * n_beams * n_echoes * lattice.n_padded}  # of any groups
+    counts = _operations(n_beams, max(_GROUPS), True, max(_SEGMENTS), n_echoes, resampling,
+                         n_pixels)
+    return counts | {'beam_bin': 0.5 * n_beams * n_echoes * resampling.n_padded}  # of any groups
 
 
 def least_bending_slope(polar: PolarGrid, radar: RadarParameters, target_db: float) -> float:
@@ -485,15 +486,16 @@ def _groups(n_beams, most):
     return np.ceil(n_beams / size), size
 
 
-def _operations(n_beams, most, paired, segment, n_echoes, lattice, n_pixels, n_images=1):
-    (n_groups, size), n = _groups(n_beams, most), n_echoes * lattice.n_padded
+def _operations(n_beams, most, paired, segment, n_echoes, resampling, n_pixels, n_images=1):
+    (n_groups, size), n = _groups(n_beams, most), n_echoes * resampling.n_padded
     return {'beam_bin': n_groups * size * np.where(paired, 0.5, 1.0) * n,
             'beam_group': n_groups * n,
-            'beam_cell': n_images * n_beams * lattice.n_cells, 'beam_pixel': n_images * n_pixels,
+            'beam_cell': n_images * n_beams * resampling.n_cells,
+            'beam_pixel': n_images * n_pixels,
             'beam_segment': n_images * n_pixels / segment}
 
 
-def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResampling, subapertures,
+def plan_beams(polar: PolarGrid, radar: RadarParameters, resampling: RangeResampling, subapertures,
                target_db: float, reach_m: float,
                padding_m: float = math.inf) -> BeamSampling | None:
     """Quickest sampling of beams that meets a target.
@@ -517,8 +519,8 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
     ----------
     polar, target_db :
         Of the sub-aperture images.
-    radar, lattice :
-        Of the profiles; cells of the lattice are those of the beams.
+    radar, resampling :
+        Of the profiles; cells of the range grid are those of the beams.
     subapertures : sequence of ((R, 3), (R, 3)) float64
         Phase centres of some sub-apertures of the length that is looked at, metres.
     reach_m : float
@@ -527,7 +529,7 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
         Zeros between the ends of a padded profile, metres of half path: what the echoes' delays
         move beyond one end must not come in at the other. Periodic profiles have no ends.
     """
-    over_range = radar.range_resolution_m / lattice.cell_m
+    over_range = radar.range_resolution_m / resampling.cell_m
     if over_range < _LEAST_OVERSAMPLING:
         return None
     along = design_interpolator(over_range, taps=CELL_TAPS, degree=DEGREE, deapodised=True)
@@ -540,7 +542,7 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
     beyond = OUTSIDE * finest / max(float(np.abs(seen.slope).max()), 1e-3 * wavelength_m)
     spread = seen.beams.spread(*seen.centres, beyond)
     # The last segment reaches beyond the image.
-    spare = lattice.n_cells - reach_m / lattice.cell_m - 2 * CELL_TAPS
+    spare = resampling.n_cells - reach_m / resampling.cell_m - 2 * CELL_TAPS
     segments = np.array([segment for segment in _SEGMENTS if segment <= spare])
     if 2 * spread > padding_m or not len(segments):
         return None
@@ -552,16 +554,17 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, lattice: RangeResamplin
     span = polar.n_alpha * polar.alpha_spacing
     cost = costs().nanoseconds(_operations(
         _n_beams(span, spacings)[:, None, None, None], np.array(_GROUPS)[:, None, None],
-        np.array([[True], [False]]), segments, len(subapertures[0][0]), lattice,
+        np.array([[True], [False]]), segments, len(subapertures[0][0]), resampling,
         polar.n_range * span / spacings[0]))
     slope, curvature = k * seen.slope, k * seen.curvature
     uneven = max(_LEAST_UNEVEN * wavelength_m, seen.uneven_m)
-    n_bins, bin_rad_per_m = lattice.n_padded, 2 * math.pi / (lattice.n_cells * lattice.cell_m)
+    n_bins, cell_m = resampling.n_padded, resampling.cell_m
+    bin_rad_per_m = 2 * math.pi / (resampling.n_cells * cell_m)
     relative = [n * bin_rad_per_m / k
                 for n in (bins_per_run(n_bins, n_bins * bin_rad_per_m / k), STEP_BINS)]
     half_m = segments * polar.range_spacing_m / 2
-    drifts, bend = seen.drifts(half_m, lattice.cell_m / polar.range_spacing_m), seen.by_range[2]
-    fixed = (_read_straight(drifts[0] / lattice.cell_m, over_range) ** 2
+    drifts, bend = seen.drifts(half_m, cell_m / polar.range_spacing_m), seen.by_range[2]
+    fixed = (_read_straight(drifts[0] / cell_m, over_range) ** 2
              + (k * bend * half_m ** 4 / 24 / 3) ** 2
              + seen.phase_error ** 2
              + 10 ** (total_db(along.error_db, _ARITHMETIC_DB) / 10))
@@ -634,7 +637,7 @@ class _Views:
     def drifts(self, half_m, cell: float) -> tuple[np.ndarray, np.ndarray]:
         """Errors of straight lines for distance, metres, and direction over S half segments.
 
-        `half_m` are the halves, (S,) metres, `cell` the slope of the distance along the lattice.
+        `half_m` are the halves, (S,) metres, `cell` the slope of the distance along ranges.
         """
         slope, d2, _, s1, s2 = self.by_range
         d1 = max(abs(d - cell) for d in slope)

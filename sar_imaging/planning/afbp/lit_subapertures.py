@@ -206,7 +206,7 @@ class AmplitudeError:
         by_channel = self._n_channels > 1 and self.error(pulses, by_channel=True) <= most
         return self._n_channels if by_channel else None
 
-    def plan(self, coarse: PolarGrid, lattice: RangeResampling, beams: BeamSampling | None,
+    def plan(self, coarse: PolarGrid, resampling: RangeResampling, beams: BeamSampling | None,
              pulses) -> tuple[RangeResampling, SubapertureAmplitudes]:
         """How images of sub-apertures are weighed, and how their lines read the profiles.
 
@@ -214,7 +214,7 @@ class AmplitudeError:
         ----------
         coarse : PolarGrid
             Polar grid of the images.
-        lattice, beams :
+        resampling, beams :
             As planned without illumination.
         pulses : sequence of slice
             Pulses of the sub-apertures.
@@ -224,25 +224,24 @@ class AmplitudeError:
         ValueError
             Amplitudes change too much from pixel to pixel.
         """
-        lit, n_channels = self._illumination, self._n_channels
-        seen = seen_subapertures(coarse, pulses, lit, n_channels)
+        illumination, n_channels = self._illumination, self._n_channels
+        seen = seen_subapertures(coarse, pulses, illumination, n_channels)
         if beams is not None:
             error = (self.error(pulses, beams.n_weighed > 1)
                      + self._along_range(coarse, beams.segment * coarse.range_spacing_m))
-            return lattice, SubapertureAmplitudes(lit, seen, None, self.power,
-                                                  10 * math.log10(error + _LEAST),
-                                                  beams.n_weighed > 1)
+            return resampling, SubapertureAmplitudes(illumination, seen, None, self.power,
+                                                     10 * math.log10(error + _LEAST),
+                                                     beams.n_weighed > 1)
         starts = tuple(p.start * n_channels for p in pulses)
-        lattice, lines, _ = plan_weighed_segments(
-            lit, ImageLines.of_polar(coarse), Echoes(self._tx_m.reshape(-1, 3),
-                                                     self._rx_m.reshape(-1, 3), starts,
-                                                     self._radar),
-            lattice, max(lattice.predicted_error_db, self._images_db), self.budget_db)
+        resampling, lines, _ = plan_weighed_segments(
+            illumination, ImageLines.of_polar(coarse),
+            Echoes(self._tx_m.reshape(-1, 3), self._rx_m.reshape(-1, 3), starts, self._radar),
+            resampling, max(resampling.predicted_error_db, self._images_db), self.budget_db)
         if lines is None:
             raise ValueError('amplitudes change too much from pixel to pixel of the sub-aperture '
                              'images; use exact backprojection')
-        return lattice, SubapertureAmplitudes(lit, seen, lines, self.power,
-                                              lines.predicted_error_db)
+        return resampling, SubapertureAmplitudes(illumination, seen, lines, self.power,
+                                                 lines.predicted_error_db)
 
     def error(self, pulses, by_channel: bool = False) -> float:
         """Mean square relative to the power of the image; `pulses` are the sub-apertures'."""

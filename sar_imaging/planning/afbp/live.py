@@ -79,7 +79,7 @@ def ends_db(cover: PolarCover, polar: PolarGrid, tx_m, rx_m,
     """Error on the map because profiles end, dB; arguments as of `reading_db`."""
     paths = _of_some_echoes(cover, polar, tx_m, rx_m, illumination)[-1]
     return cover.window.mean_end_error_db(
-        paths.length, oversampling=cover.lattice.oversampling(cover.window.radar),
+        paths.length, oversampling=cover.resampling.oversampling(cover.window.radar),
         lit=paths.illuminated)
 
 
@@ -238,7 +238,7 @@ def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m,
     parts = plan.sampling.pulses[::math.ceil(len(plan.sampling.pulses) / _PARTS)]
     parts = (*parts, plan.sampling.pulses[-1]) if not n_window else [
         slice(first, first + n_window) for first in _first_of_windows(len(tx_m) - n_window)]
-    worst_db = max(cover.resampling_db, *(
+    worst_db = max(cover.polar_to_map_db, *(
         reading_db(cover, plan.polar, tx_m[part], rx_m[part], centred=bool(n_window))
         for part in parts))
     reading_limit_db = max(remaining_db(target_db, plan.predicted_error_db), worst_db)

@@ -82,7 +82,7 @@ class AfbpPlan(Plan):
         """
         errors = plan.errors_db
         if cover is not None:
-            errors |= {'polar to map': cover.resampling_db, 'ends of profiles': cover.profile_db}
+            errors |= {'polar to map': cover.polar_to_map_db, 'ends of profiles': cover.profile_db}
         pixels = _map_pixels(grid) if isinstance(grid, MapGrid) else some_pixels(grid)
         illumination = plan.amplitudes and plan.amplitudes.illumination
         start, stop = covered_ranges(plan.given, plan.n_samples)
@@ -168,7 +168,7 @@ def _n_bytes(grid, plan: SubaperturePlan) -> int:
     """Fused spectrum, two sub-aperture images, and the image: a map may take the spectrum's."""
     fused, coarse = plan.fusion_grid, plan.coarse
     spectrum = fused.n_fine * len(fused.range_wavenumbers)
-    lit = 0 if plan.amplitudes is None else plan.amplitudes.n_bytes(
-        coarse, plan.beams.segment if plan.beams else plan.lattice.segment)
-    return lit + IMAGE_BYTES * (spectrum + 2 * coarse.n_alpha * coarse.n_range
-                                + math.prod(grid.shape))
+    n_bytes = 0 if plan.amplitudes is None else plan.amplitudes.n_bytes(
+        coarse, plan.beams.segment if plan.beams else plan.resampling.segment)
+    return n_bytes + IMAGE_BYTES * (spectrum + 2 * coarse.n_alpha * coarse.n_range
+                                    + math.prod(grid.shape))

@@ -262,10 +262,10 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     if cover is None:
         raise ValueError('the map is too small, too near, around or beside the aperture for a '
                          'polar image; use exact backprojection')
-    if cover.resampling_db >= target_db:
+    if cover.polar_to_map_db >= target_db:
         raise ValueError(f'amplitudes change too abruptly between the lines of a polar image for '
                          f'target_db={target_db:g}; use exact backprojection')
-    return cover, remaining_db(target_db, cover.resampling_db)
+    return cover, remaining_db(target_db, cover.polar_to_map_db)
 
 
 def _lit_cover(cover_of, error_db: float, tx_m, rx_m, radar, illumination) -> PolarCover | None:

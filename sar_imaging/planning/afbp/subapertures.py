@@ -568,7 +568,7 @@ class SubapertureCost:
     grid: PolarGrid
     span: float
     radar: RadarParameters
-    lattice: RangeResampling
+    resampling: RangeResampling
     tx_m: np.ndarray
     rx_m: np.ndarray
     target_db: float
@@ -591,9 +591,9 @@ class SubapertureCost:
         """
         n_echoes = length * self.tx_m.shape[1]
         from_beams = _USUAL * costs().nanoseconds(least_operations(
-            n_echoes, self.lattice, n_pixels,
+            n_echoes, self.resampling, n_pixels,
             self.span * half_m * self.radar.wavenumbers_rad_per_m[1] / math.pi))
-        return (n_echoes * self.lattice.cost * n_pixels,
+        return (n_echoes * self.resampling.cost * n_pixels,
                 np.where(half_m >= self.bent_m, math.inf, from_beams))
 
     def choose_beams(self, pulses) -> BeamSampling | None:
@@ -603,9 +603,9 @@ class SubapertureCost:
             return None
         n_echoes = max(p.stop - p.start for p in pulses) * self.tx_m.shape[1]
         n_pixels = self.grid.n_alpha * self.grid.n_range
-        from_beams = costs().nanoseconds(beams.operations(n_echoes, self.lattice, n_pixels,
+        from_beams = costs().nanoseconds(beams.operations(n_echoes, self.resampling, n_pixels,
                                                           self.span))
-        return beams if from_beams < n_echoes * self.lattice.cost * n_pixels else None
+        return beams if from_beams < n_echoes * self.resampling.cost * n_pixels else None
 
     def _beams(self, pulses) -> BeamSampling | None:
         n_weighed = self.n_weighed(pulses)
@@ -614,8 +614,8 @@ class SubapertureCost:
         # of echoes that share an image
         cuts = [tuple(c[pulses[i], number % n:: n].reshape(-1, 3) for c in (self.tx_m, self.rx_m))
                 for number, i in enumerate(self._for_beams(pulses)) for n in [max(1, n_weighed)]]
-        beams = plan_beams(self.grid, self.radar, self.lattice, cuts, self.target_db, self.reach_m,
-                           self.padding_m)
+        beams = plan_beams(self.grid, self.radar, self.resampling, cuts, self.target_db,
+                           self.reach_m, self.padding_m)
         return beams and dataclasses.replace(beams, n_weighed=n_weighed)
 
     def _for_beams(self, pulses) -> list[int]:
@@ -667,7 +667,7 @@ class SubaperturePlan(Plan):
     n_channels: int
     sampling: Sampling
     fusion_grid: UnifiedPolarGrids
-    lattice: RangeResampling
+    resampling: RangeResampling
     beams: BeamSampling | None
     range_m: tuple[float, float]
     limits: Limits
@@ -692,7 +692,7 @@ class SubaperturePlan(Plan):
     @property
     def errors_db(self) -> dict[str, float]:
         """Predicted error of the fused polar image by cause, dB."""
-        errors = {'sub-aperture images': (self.beams or self.lattice).predicted_error_db,
+        errors = {'sub-aperture images': (self.beams or self.resampling).predicted_error_db,
                   'fusion': self.sampling.error_db}
         return errors if self.amplitudes is None else {
             **errors, 'illumination': self.amplitudes.predicted_error_db}
@@ -710,9 +710,9 @@ class SubaperturePlan(Plan):
         """Of the echoes of a sub-aperture's pulses; None where all pixels are lit alike."""
         if self.amplitudes is None:
             return None
-        lit = self.amplitudes.illumination
-        return Illumination.of_pulses(lit.pattern, block.pointing, block.tx_m, block.rx_m,
-                                      foreseen=lit.foreseen)
+        known = self.amplitudes.illumination
+        return Illumination.of_pulses(known.pattern, block.pointing, block.tx_m, block.rx_m,
+                                      foreseen=known.foreseen)
 
     def weighed_by(self, block: PulseBlock) -> Illumination | tuple[AmplitudeNodes, ...] | None:
         """Amplitudes of echoes that are added directly, or nodes of each image from beams.
@@ -728,18 +728,18 @@ class SubaperturePlan(Plan):
 
         `n_echoes` are the echoes of all images together.
         """
-        coarse, lattice, beams = self.coarse, self.lattice, self.beams
-        n_pixels, n_bins = coarse.n_alpha * coarse.n_range, lattice.n_padded
+        coarse, resampling, beams = self.coarse, self.resampling, self.beams
+        n_pixels, n_bins = coarse.n_alpha * coarse.n_range, resampling.n_padded
         if beams is None:
-            return lattice.operations(n_echoes, n_pixels)
+            return resampling.operations(n_echoes, n_pixels)
         span = coarse.n_alpha * coarse.alpha_spacing
-        counts = beams.operations(n_echoes, lattice, n_pixels, span, n_images)
+        counts = beams.operations(n_echoes, resampling, n_pixels, span, n_images)
         if beams.n_weighed:
             counts['amplitude_node'] = counts['weighed_image'] * self.amplitudes.n_knots(
                 coarse, beams.segment)
         relative_bandwidth = (n_bins * self.radar.wavelength_m
-                              / (2 * lattice.n_cells * lattice.cell_m))
-        half = min(n_bins, lattice.n_cells) / 2
+                              / (2 * resampling.n_cells * resampling.cell_m))
+        half = min(n_bins, resampling.n_cells) / 2
         n_runs = 2 * math.ceil(half / bins_per_run(n_bins, relative_bandwidth))
         return {'profile_bin': n_echoes * n_bins * (not self.source.periodic),
                 'beam_path': n_echoes * beams.n_beams(span) * (1.0 if beams.paired else 1.5),
@@ -778,9 +778,9 @@ class SubaperturePlan(Plan):
         """
         bands = local_spectrum(self.polar, tx_m, rx_m, self.radar, illumination,
                                self.sampling.coverage.wanted_ranges)
-        # Slopes as far beyond let pixels drift by this over half a segment, seen from the lattice.
-        slack = 2 * DRIFT_SLACK * self.lattice.step_m / (
-            max(self.lattice.segment, 1) * self.lattice.spacing)
+        # Slopes as far beyond let pixels drift by this over half a segment, seen from the ranges.
+        slack = 2 * DRIFT_SLACK * self.resampling.step_m / (
+            max(self.resampling.segment, 1) * self.resampling.spacing)
         within = self.limits.contain(Limits.of(bands), slack)
         centre = 0.5 * float(bands.slope.min() + bands.slope.max())
         error = fusion_error(self.sampling, bands, slice(None), bands.weight, centre)
@@ -799,7 +799,7 @@ class SubaperturePlan(Plan):
             paths = illumination.of_paths(paths, lines[0])
         if paths.illuminated is not None and not paths.illuminated.any():
             return planned_db
-        found_db = resampling_error_db(self.lattice, paths, self.radar)
+        found_db = resampling_error_db(self.resampling, paths, self.radar)
         return found_db if math.isfinite(found_db) else planned_db  # the limits tell
 
 
@@ -858,19 +858,19 @@ class _Planner:
                 paths, polar.lines(*polar.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE))[0])
         bands = local_spectrum(polar, tx_m, rx_m, radar, self.illumination,
                                self.coverage.wanted_ranges)
-        lit = self.illumination and AmplitudeError(polar, radar, tx_m, rx_m, self.illumination,
-                                                   self.target_db)
+        weighing = self.illumination and AmplitudeError(polar, radar, tx_m, rx_m,
+                                                        self.illumination, self.target_db)
         ratio = self._ratio(bands, ratio)
         usual = dataclasses.replace(polar, n_range=polar.n_range * ratio[0] // ratio[1],
                                     range_spacing_m=polar.range_spacing_m * ratio[1] / ratio[0])
-        lattice = cover.lattice if cover and cover.ratio == ratio else self._lattice(
+        resampling = cover.resampling if cover and cover.ratio == ratio else self._resampling(
             paths, usual.range_spacing_m, self.n_samples)
-        first_stage = self._cost(usual, lattice, bands.range_m, lit)
+        first_stage = self._cost(usual, resampling, bands.range_m, weighing)
         lengths, left_db = (length,) if length else LENGTHS, self.target_db - _MARGIN_DB
         if bands.spread.rms > 0:  # amplitudes differ
-            left_db = remaining_db(left_db, lit.budget_db)
+            left_db = remaining_db(left_db, weighing.budget_db)
         search = SamplingSearch(polar, bands, tx_m, rx_m, lengths,
-                                remaining_db(left_db, self._lattice_db), self.coverage, ratio)
+                                remaining_db(left_db, self._profiles_db), self.coverage, ratio)
         while True:
             sampling = search.quickest(first_stage)
             if sampling is None:
@@ -885,25 +885,29 @@ class _Planner:
             source = self.band or RangeGate.around(radar, self.n_samples, range_m, _PADDING)
             # echoes of one sub-aperture share phases, never those of two
             first = {p.start * tx_m.shape[1] // step for p in sampling.pulses}
-            lattice = self._lattice(
+            resampling = self._resampling(
                 dataclasses.replace(paths, parts=tuple(sorted(first))),
                 grid.coarse.range_spacing_m, source.n_samples + (
                     0 if source.periodic else _PADDING),
                 remaining_db(self.target_db, sampling.error_db))
-            beams = self._cost(grid.coarse, lattice, range_m, lit).choose_beams(sampling.pulses)
+            cost = self._cost(grid.coarse, resampling, range_m, weighing)
+            beams = cost.choose_beams(sampling.pulses)
             if beams or not first_stage.expects_beams(sampling.pulses, sampling.half_m):
                 break
             # their paths bend too much for beams: shorter ones, or directly
             first_stage = dataclasses.replace(first_stage, bent_m=sampling.half_m)
         warnings = [*self._cut_warnings(paths.of_illuminated(paths.length),
                                         grid.fine_range_guard * polar.range_spacing_m)]
-        if lit is not None:
-            lattice, lit = lit.plan(grid.coarse, lattice, beams, sampling.pulses)
+        amplitudes = None
+        if weighing is not None:
+            resampling, amplitudes = weighing.plan(grid.coarse, resampling, beams,
+                                                   sampling.pulses)
         return SubaperturePlan(polar, given, source, self.n_samples, tx_m.shape[1], sampling, grid,
-                               lattice, beams, range_m, Limits.of(bands), tuple(warnings), lit)
+                               resampling, beams, range_m, Limits.of(bands), tuple(warnings),
+                               amplitudes)
 
     @property
-    def _lattice_db(self) -> float:
+    def _profiles_db(self) -> float:
         return min(error_budget(self.target_db, AFBP_SHARES)['sub-aperture images'], -50.0)
 
     def _ratio(self, bands, ratio) -> tuple[int, int]:
@@ -921,21 +925,21 @@ class _Planner:
                 'over this aperture; use exact backprojection')
         return ratio
 
-    def _cost(self, grid, lattice, range_m, lit) -> SubapertureCost:
+    def _cost(self, grid, resampling, range_m, weighing) -> SubapertureCost:
         padding_m = math.inf if self.band else _PADDING * self.radar.sample_spacing_m
         return SubapertureCost(
-            grid, self.polar.n_alpha * self.polar.alpha_spacing, self.radar, lattice, self.tx_m,
-            self.rx_m, self._lattice_db, range_m[1] - range_m[0], padding_m,
-            least_bending_slope(grid, self.radar, self._lattice_db),
-            *([] if lit is None else [lit.n_weighed]))
+            grid, self.polar.n_alpha * self.polar.alpha_spacing, self.radar, resampling, self.tx_m,
+            self.rx_m, self._profiles_db, range_m[1] - range_m[0], padding_m,
+            least_bending_slope(grid, self.radar, self._profiles_db),
+            *([] if weighing is None else [weighing.n_weighed]))
 
-    def _lattice(self, paths, spacing, n_samples, *more_db) -> RangeResampling:
-        """Lattice with the usual error, or where there is none, with one of `more_db`."""
-        for error_db in (self._lattice_db, *more_db):
-            lattice = plan_resampling(paths, spacing, self.polar.n_range, self.radar, n_samples,
-                                      error_db, periodic=self.band is not None, passes=PASSES)
-            if lattice is not None:
-                return lattice
+    def _resampling(self, paths, spacing, n_samples, *more_db) -> RangeResampling:
+        """Range grid with the usual error, or where there is none, with one of `more_db`."""
+        for error_db in (self._profiles_db, *more_db):
+            resampling = plan_resampling(paths, spacing, self.polar.n_range, self.radar, n_samples,
+                                         error_db, periodic=self.band is not None, passes=PASSES)
+            if resampling is not None:
+                return resampling
         raise ValueError('the polar grid does not follow the range of this track (too near, or '
                          'around the antenna); use exact backprojection')
 

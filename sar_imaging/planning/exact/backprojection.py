@@ -169,7 +169,7 @@ class LinePlan(Plan):
 
     lines: GridLines
     window: RangeGate
-    lattice: RangeResampling
+    resampling: RangeResampling
     errors_db: Mapping[str, float]
     cost: float
     amplitudes: LineAmplitudes | None = None
@@ -179,12 +179,13 @@ class LinePlan(Plan):
     def operations(self, grid: EvenGrid, n_echoes: int) -> dict[str, float]:
         """How often the operations of `CostModel` are done."""
         share = 1.0 if self.amplitudes is None else self.amplitudes.share
-        return {'image': 1} | self.lattice.operations(n_echoes, math.prod(grid.shape) * share)
+        return {'image': 1} | self.resampling.operations(n_echoes, math.prod(grid.shape) * share)
 
     def n_bytes(self, grid: EvenGrid) -> int:
         """Memory that adding the echoes takes besides the image, bytes."""
         return 0 if self.amplitudes is None else self.amplitudes.n_bytes(
-            self.lines.n_lines, self.lines.n_pixels, self.lattice.segment, len(self.lines.layouts))
+            self.lines.n_lines, self.lines.n_pixels, self.resampling.segment,
+            len(self.lines.layouts))
 
     def __str__(self) -> str:
         return 'pulses are added along the lines of the grid'
@@ -238,8 +239,8 @@ class BackprojectionPlan(Plan):
     @property
     def n_bytes(self) -> int:
         """Memory that adding the echoes takes besides the image, bytes."""
-        lit = 0 if self.illumination is None else self.illumination.n_bytes
-        return lit + self.route.n_bytes(self.grid)
+        n_bytes = 0 if self.illumination is None else self.illumination.n_bytes
+        return n_bytes + self.route.n_bytes(self.grid)
 
     def __str__(self) -> str:
         return str(self.route)
@@ -293,7 +294,7 @@ def _with_ends(route, grid, radar, tx_m, rx_m):
     n = _PIXELS_NEAR_ENDS
     points_m = (grid.some(n) if isinstance(grid, ImagePoints)
                 else grid.positions(*draw(grid.shape, n)))
-    ends_db = error_near_ends_db(route.window, route.lattice.oversampling(radar), tx_m, rx_m,
+    ends_db = error_near_ends_db(route.window, route.resampling.oversampling(radar), tx_m, rx_m,
                                  points_m)
     return dataclasses.replace(route, errors_db={**route.errors_db, 'ends of profiles': ends_db})
 
@@ -342,17 +343,18 @@ def _plan_lines(lines, radar, n_samples, tx_m, rx_m, n_axes, target_db, illumina
     """Plan along lines; None where range does not follow them, or points are as quick."""
     window = RangeGate.around(radar, n_samples, lines.range_m)
     paths = lines.paths(tx_m, rx_m, radar, illumination)
-    lattice = plan_resampling(paths, 1.0, lines.n_pixels, radar, window.n_samples, target_db)
-    lit, more = None, {}
-    if lattice is not None and illumination is not None:
+    resampling = plan_resampling(paths, 1.0, lines.n_pixels, radar, window.n_samples, target_db)
+    amplitudes, more = None, {}
+    if resampling is not None and illumination is not None:
         from .illumination import plan_line_amplitudes
 
-        lattice, lit, more = plan_line_amplitudes(illumination, lines, tx_m, rx_m, radar, window,
-                                                  lattice, target_db)
-    if lattice is None or lattice.cost >= costs().point_pixel:
+        resampling, amplitudes, more = plan_line_amplitudes(
+            illumination, lines, tx_m, rx_m, radar, window, resampling, target_db)
+    if resampling is None or resampling.cost >= costs().point_pixel:
         return None
-    errors = {'range profiles': lattice.predicted_error_db,
+    errors = {'range profiles': resampling.predicted_error_db,
               'ends of profiles': window.mean_end_error_db(
-                  paths.length, n_axes, lattice.oversampling(radar)), **more}
-    share = 1.0 if lit is None else lit.share
-    return LinePlan(lines, window, lattice, errors, lattice.cost * len(tx_m) * share, lit)
+                  paths.length, n_axes, resampling.oversampling(radar)), **more}
+    share = 1.0 if amplitudes is None else amplitudes.share
+    return LinePlan(lines, window, resampling, errors, resampling.cost * len(tx_m) * share,
+                    amplitudes)

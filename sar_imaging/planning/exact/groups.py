@@ -129,7 +129,7 @@ class GroupedMap:
         Middle of the band of each part's image along direction, radians per unit of alpha.
     tx, rx : (E, 3) float64
         X, Y and c of the echoes in the frame of their group, see `group_geometry`.
-    lattice : RangeResampling
+    resampling : RangeResampling
         How lines read the profiles.
     range_m : (float, float)
         Least and largest half path that is read, metres.
@@ -147,7 +147,7 @@ class GroupedMap:
     frequency: np.ndarray
     tx: np.ndarray
     rx: np.ndarray
-    lattice: RangeResampling
+    resampling: RangeResampling
     range_m: tuple[float, float]
     between: Interpolator
     along: Interpolator
@@ -201,9 +201,9 @@ class GroupPlan(Plan):
     method = 'groups'
 
     @property
-    def lattice(self) -> RangeResampling:
+    def resampling(self) -> RangeResampling:
         """How profiles are read, of the first part of the map."""
-        return self.maps[0].lattice
+        return self.maps[0].resampling
 
     def operations(self, grid: MapGrid, n_echoes: int) -> dict[str, float]:
         """How often the operations of `CostModel` are done."""
@@ -297,7 +297,7 @@ class Echoes:
         """(G + 1,) first echo of each group, and their number."""
         return np.arange(n_groups + 1) * len(self) // n_groups
 
-    def lattice(self, pitch_m: float, slopes: tuple[float, float]) -> RangeResampling:
+    def resampling(self, pitch_m: float, slopes: tuple[float, float]) -> RangeResampling:
         """How lines read the profiles: ranges `pitch_m` apart or less.
 
         `slopes` are the least and the largest derivative of a half path by range.
@@ -785,8 +785,8 @@ def _planned(echoes: Echoes, grid: MapGrid, corner, n_groups: int, n_parts: int)
     edges = echoes.edges(n_groups)
     survey = Survey(echoes, grid, edges[:-1], edges[1:])
     slope = survey.by_range[1]
-    lattice = echoes.lattice(survey.pitch_m.min(), (float(slope.min()), float(slope.max())))
-    grids = Grids(survey, np.full(n_groups, lattice.spacing))
+    resampling = echoes.resampling(survey.pitch_m.min(), (float(slope.min()), float(slope.max())))
+    grids = Grids(survey, np.full(n_groups, resampling.spacing))
     if not survey.fine.all():
         raise _Unsuited
     counts = survey.counts[:, None]
@@ -796,32 +796,32 @@ def _planned(echoes: Echoes, grid: MapGrid, corner, n_groups: int, n_parts: int)
     parts, half, parts_db = _between_parts(survey, bands, part)
     length = survey.by_range[0].reshape(-1, survey.slopes.shape[2])
     ends_db = echoes.window.mean_end_error_db(
-        length, oversampling=lattice.oversampling(echoes.radar))
+        length, oversampling=resampling.oversampling(echoes.radar))
     # profiles that end too near spoil all routes alike
     known = [ends_db] if 10 ** (ends_db / 10) < _MOST_ENDS * echoes.target else []
-    passes_db = survey.passes_db(grids.alpha_spacing, lattice.spacing)
-    left = echoes.target - 10 ** (total_db(lattice.predicted_error_db, *passes_db, parts_db,
+    passes_db = survey.passes_db(grids.alpha_spacing, resampling.spacing)
+    left = echoes.target - 10 ** (total_db(resampling.predicted_error_db, *passes_db, parts_db,
                                            *known) / 10)
-    lattice, expanded = _expanded(survey, grids, lattice, starts, part, left)
-    profile = survey.mean(lattice.interpolator.error_with_drift(
-        np.abs(slope * lattice.spacing - lattice.cell_m)
-        * (0.5 * lattice.segment / lattice.step_m)))
+    resampling, expanded = _expanded(survey, grids, resampling, starts, part, left)
+    profile = survey.mean(resampling.interpolator.error_with_drift(
+        np.abs(slope * resampling.spacing - resampling.cell_m)
+        * (0.5 * resampling.segment / resampling.step_m)))
     errors = {
         'range profiles': 10 * math.log10(profile + expanded),
         'polar to map': 10 * math.log10(sum(10 ** (db / 10) for db in passes_db)),
         'azimuth upsampling': parts_db,
         'ends of profiles': ends_db}
     groups = _records(survey, grids, edges, half, parts)
-    crossed = _crossed(survey.places, lattice.spacing, grids.alpha_spacing)
+    crossed = _crossed(survey.places, resampling.spacing, grids.alpha_spacing)
     operations = {name: float(n.sum()) for name, n in _counts(
-        grid, groups, survey.n_echoes, groups['n_coarse'], n_parts, lattice.segment,
-        lattice.interpolator.n_planes, (parts.n_taps, survey.along.n_taps), crossed).items()}
-    operations |= {'profile_bin': len(echoes) * lattice.n_padded,
-                   'profile_cell': len(echoes) * lattice.n_cells * lattice.n_phases}
+        grid, groups, survey.n_echoes, groups['n_coarse'], n_parts, resampling.segment,
+        resampling.interpolator.n_planes, (parts.n_taps, survey.along.n_taps), crossed).items()}
+    operations |= {'profile_bin': len(echoes) * resampling.n_padded,
+                   'profile_cell': len(echoes) * resampling.n_cells * resampling.n_phases}
     nearest, furthest = float(length.min()), float(length.max())
-    slack = 2 * margin(echoes.lengths.taps) * lattice.spacing + 0.1 * (furthest - nearest)
+    slack = 2 * margin(echoes.lengths.taps) * resampling.spacing + 0.1 * (furthest - nearest)
     return GroupedMap(grid, corner, groups, bands.middle, survey.in_frames[0],
-                      survey.in_frames[-1], lattice, (nearest - slack, furthest + slack),
+                      survey.in_frames[-1], resampling, (nearest - slack, furthest + slack),
                       survey.between, survey.along, parts, errors, operations)
 
 
@@ -844,9 +844,9 @@ def _between_parts(survey: Survey, bands: Bands, part) -> tuple[Interpolator, np
     raise _Unsuited
 
 
-def _expanded(survey: Survey, grids: Grids, lattice: RangeResampling, starts, part,
+def _expanded(survey: Survey, grids: Grids, resampling: RangeResampling, starts, part,
               wanted: float) -> tuple[RangeResampling, float]:
-    """Lattice with segments so short that expansions err by less than is wanted, and by how much.
+    """Resampling with segments so short that expansions err by less than wanted, and by how much.
 
     Mean squares of what the cubics along segments leave out, see `profiles`, at the ends of parts
     and at the echoes that are looked at: those of a perturbed track lie off the line between ends.
@@ -867,13 +867,13 @@ def _expanded(survey: Survey, grids: Grids, lattice: RangeResampling, starts, pa
     others = (k / 72) ** 2 * survey.mean(survey.by_range[4] ** 2) + quartic, 8
     terms = envelope, others, (quintic, 10)
     for segment in _SEGMENTS:
-        half = 0.5 * segment * lattice.spacing
-        if (segment > lattice.segment or segment >= 2 * int(grids.n_range.max())
+        half = 0.5 * segment * resampling.spacing
+        if (segment > resampling.segment or segment >= 2 * int(grids.n_range.max())
                 or half > grids.longest_m):
             continue
         error = sum(term * half ** power for term, power in terms)
         if error <= wanted:
-            return dataclasses.replace(lattice, segment=segment), error
+            return dataclasses.replace(resampling, segment=segment), error
     raise _Unsuited
 
 

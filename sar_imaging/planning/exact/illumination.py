@@ -116,31 +116,31 @@ class SegmentPhasors:
         Lines of the image.
     echoes : Echoes
         Whose phasors they are.
-    lattice : RangeResampling
+    resampling : RangeResampling
         How the lines read the profiles.
 
     Attributes
     ----------
     drift : (n,) float64
-        How far the pixels drift over half a segment, lattice steps.
+        How far the pixels drift over half a segment, range steps.
     squares : (n,) float64
         Squared error by the expansion of path and phasor alone.
     """
 
     def __init__(self, pairs: LitPairs, lines: ImageLines, echoes: Echoes,
-                 lattice: RangeResampling):
+                 resampling: RangeResampling):
         line, pixel = pairs.index
-        half, radar = lattice.segment // 2, echoes.radar
-        middle = pixel // lattice.segment * lattice.segment + half
+        half, radar = resampling.segment // 2, echoes.radar
+        middle = pixel // resampling.segment * resampling.segment + half
         numbers = pairs.echoes, middle_of_pass(pairs.echoes, echoes.starts, len(echoes.tx_m),
-                                               lattice.echoes_per_pass)
+                                               resampling.echoes_per_pass)
         at = lines.locate(middle, line)
         path, shared = (pair_paths(echoes.tx_m[n], echoes.rx_m[n], at) for n in numbers)
         length = pair_lengths(echoes.tx_m[pairs.echoes], echoes.rx_m[pairs.echoes],
                               pairs.points_m)
         self._place, self._half, k = pixel - middle, half, radar.wavenumber_rad_per_m
         f, away = self._place, length - path[0]
-        self.drift = np.abs(path[1] - lattice.cell_m) * (half / lattice.step_m)
+        self.drift = np.abs(path[1] - resampling.cell_m) * (half / resampling.step_m)
         a, b, c = (k * (path[n] - shared[n]) / math.factorial(n) for n in (1, 2, 3))
         self._cubic = _economised(a, b, c, half)
         # what echoes share has its quartic term economised
@@ -252,24 +252,24 @@ def knot_positions(locate: Callable, n_lines: int, n_pixels: int, segment: int, 
 
 
 def plan_line_amplitudes(illumination: Illumination, lines: GridLines, tx_m, rx_m,
-                         radar: RadarParameters, window: RangeGate, lattice: RangeResampling,
+                         radar: RadarParameters, window: RangeGate, resampling: RangeResampling,
                          target_db: float) -> tuple[
                              RangeResampling | None, LineAmplitudes | None, dict[str, float]]:
     """As `plan_weighed_segments`, for lines of a grid itself, and errors by cause, dB.
 
-    Phase centres (R, 3) in metres; `lattice` reads the profiles, of which `window` is needed, for
-    the lines without illumination.
+    Phase centres (R, 3) in metres; `resampling` reads the profiles, of which `window` is needed,
+    for the lines without illumination.
     """
-    lattice, lit, pairs = plan_weighed_segments(
-        illumination, ImageLines.of_grid(lines), Echoes(tx_m, rx_m, (0,), radar), lattice,
+    resampling, amplitudes, pairs = plan_weighed_segments(
+        illumination, ImageLines.of_grid(lines), Echoes(tx_m, rx_m, (0,), radar), resampling,
         target_db, error_budget(target_db, EXACT_SHARES)['illumination'])
-    return lattice, lit, {} if lattice is None else {
-        'ends of profiles': pairs.ends_db(window, lattice.oversampling(radar), tx_m, rx_m),
-        'illumination': lit.predicted_error_db}
+    return resampling, amplitudes, {} if resampling is None else {
+        'ends of profiles': pairs.ends_db(window, resampling.oversampling(radar), tx_m, rx_m),
+        'illumination': amplitudes.predicted_error_db}
 
 
 def plan_weighed_segments(illumination: Illumination, lines: ImageLines, echoes: Echoes,
-                          lattice: RangeResampling, profiles_db: float, lit_db: float
+                          resampling: RangeResampling, profiles_db: float, lit_db: float
                           ) -> tuple[RangeResampling | None, LineAmplitudes | None, LitPairs]:
     """Knots over lines, with shorter segments where phasors or amplitudes bend much.
 
@@ -279,14 +279,14 @@ def plan_weighed_segments(illumination: Illumination, lines: ImageLines, echoes:
         Illumination of the echoes.
     lines, echoes :
         Of the image, and what is added to it.
-    lattice : RangeResampling
+    resampling : RangeResampling
         For the lines without illumination.
     profiles_db, lit_db : float
         Wanted errors of reading the profiles, and of the amplitudes, dB.
 
     Returns
     -------
-    lattice : RangeResampling or None
+    resampling : RangeResampling or None
         With the error of what is lit; None where no segments are short enough.
     amplitudes : LineAmplitudes or None
         Likewise.
@@ -294,31 +294,31 @@ def plan_weighed_segments(illumination: Illumination, lines: ImageLines, echoes:
         Pairs of which the errors were told.
     """
     pairs = LitPairs.draw(illumination, lines.positions, (lines.n_lines, lines.n_pixels),
-                          (LINES, max(lattice.segment // 2, 1)), flat=lines.flat)
+                          (LINES, max(resampling.segment // 2, 1)), flat=lines.flat)
     if not len(pairs):
-        return lattice, LineAmplitudes(APART[0], pairs.share, LEAST_DB), pairs
+        return resampling, LineAmplitudes(APART[0], pairs.share, LEAST_DB), pairs
     while True:
-        phasors = SegmentPhasors(pairs, lines, echoes, lattice)
-        fitted = _fitted(lattice, phasors, pairs, echoes.radar)
-        lit = _fewest_knots(pairs, lines, phasors, lattice.segment, lit_db)
+        phasors = SegmentPhasors(pairs, lines, echoes, resampling)
+        fitted = _fitted(resampling, phasors, pairs, echoes.radar)
+        amplitudes = _fewest_knots(pairs, lines, phasors, resampling.segment, lit_db)
         if (fitted is not None and fitted.predicted_error_db <= profiles_db
-                and lit.predicted_error_db <= lit_db):
-            return fitted, lit, pairs
-        if lattice.segment <= _LEAST_SEGMENT:
+                and amplitudes.predicted_error_db <= lit_db):
+            return fitted, amplitudes, pairs
+        if resampling.segment <= _LEAST_SEGMENT:
             return None, None, pairs
-        lattice = dataclasses.replace(lattice, segment=lattice.segment // 2)
+        resampling = dataclasses.replace(resampling, segment=resampling.segment // 2)
 
 
-def _fitted(lattice, phasors, pairs, radar) -> RangeResampling | None:
-    """A lattice with the error of the pairs; None where pixels drift too far for its segments."""
+def _fitted(resampling, phasors, pairs, radar) -> RangeResampling | None:
+    """Resampling with the error of the pairs; None where pixels drift too far for its segments."""
     furthest = float(phasors.drift.max())
     if furthest > MOST_DRIFT:
         return None
-    if furthest > lattice.interpolator.margin + DRIFT_SLACK:
-        lattice = dataclasses.replace(lattice, interpolator=design_interpolator(
-            lattice.oversampling(radar), furthest, degree=LINE_DEGREE))
-    read = lattice.interpolator.error_with_drift(phasors.drift) * pairs.amplitude ** 2
-    return dataclasses.replace(lattice, predicted_error_db=total_db(
+    if furthest > resampling.interpolator.margin + DRIFT_SLACK:
+        resampling = dataclasses.replace(resampling, interpolator=design_interpolator(
+            resampling.oversampling(radar), furthest, degree=LINE_DEGREE))
+    read = resampling.interpolator.error_with_drift(phasors.drift) * pairs.amplitude ** 2
+    return dataclasses.replace(resampling, predicted_error_db=total_db(
         pairs.error_db(read + phasors.squares)))
 
 
@@ -459,11 +459,11 @@ def tile_error_db(pairs: LitPairs, positions: Callable, shape: tuple[int, int],
 
 def _rounded_db(pairs: LitPairs) -> float:
     """Error because angles off boresight are computed in float32, dB."""
-    squares, lit = np.zeros(len(pairs)), pairs.illumination
-    distance = np.linalg.norm(pairs.points_m - lit.centre_m[pairs.echoes], axis=1)
-    for axis, cut in ((0, lit.pattern.azimuth), (2, lit.pattern.elevation)):
+    squares, illumination = np.zeros(len(pairs)), pairs.illumination
+    distance = np.linalg.norm(pairs.points_m - illumination.centre_m[pairs.echoes], axis=1)
+    for axis, cut in ((0, illumination.pattern.azimuth), (2, illumination.pattern.elevation)):
         step = _STEP * cut.step * (len(cut.amplitude) - 1)
-        moved = (step * distance)[:, None] * lit.axes[pairs.echoes, axis]
+        moved = (step * distance)[:, None] * illumination.axes[pairs.echoes, axis]
         ahead, behind = (pairs.amplitude_at(pairs.points_m + m) for m in (moved, -moved))
         squares += (_ROUNDING * (ahead - behind) / (2 * step)) ** 2
     return pairs.error_db(squares)
@@ -522,7 +522,7 @@ class LitPolar:
                 cover, along_db=read.along_db(cover),
                 between_db=read.between_db(cover.polar, cover.between, np.zeros(len(self._tx_m))),
                 profile_db=cover.profile_db if cover.window.periodic else read.pairs.ends_db(
-                    cover.window, cover.lattice.oversampling(cover.window.radar), self._tx_m,
+                    cover.window, cover.resampling.oversampling(cover.window.radar), self._tx_m,
                     self._rx_m))
             above_db = max(found.between_db, found.along_db) - wanted_db
             if above_db <= 0:
@@ -548,14 +548,14 @@ class LitPolar:
             asked_db -= error_db - wanted_db + _CLOSE_DB
         return None
 
-    def lines(self, polar: PolarGrid, lattice: RangeResampling, parts: AzimuthParts | None,
+    def lines(self, polar: PolarGrid, resampling: RangeResampling, parts: AzimuthParts | None,
               profiles_db: float, lit_db: float
               ) -> tuple[RangeResampling | None, LineAmplitudes | None]:
         """How the lines of an image, or of images of its parts, read the profiles."""
         starts = (0,) if parts is None else tuple(e.start for e in parts.echoes)
         echoes = Echoes(self._tx_m, self._rx_m, starts, self._radar)
         return plan_weighed_segments(self._illumination, ImageLines.of_polar(polar), echoes,
-                                     lattice, profiles_db, lit_db)[:2]
+                                     resampling, profiles_db, lit_db)[:2]
 
 
 class _PolarReading:

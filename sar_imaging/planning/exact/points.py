@@ -169,7 +169,7 @@ class PointPlan(Plan):
     """
 
     window: RangeGate
-    lattice: RangeResampling
+    resampling: RangeResampling
     range_m: tuple[float, float]
     tile: tuple[int, int]
     reach_m: float
@@ -182,13 +182,13 @@ class PointPlan(Plan):
     def operations(self, grid: ImagePoints | EvenGrid, n_echoes: int) -> dict[str, float]:
         """How often the operations of `CostModel` are done."""
         share = 1.0 if self.amplitudes is None else self.amplitudes.share * self.amplitudes.dearer
-        return {'image': 1} | self.lattice.operations(n_echoes, math.prod(grid.shape) * share)
+        return {'image': 1} | self.resampling.operations(n_echoes, math.prod(grid.shape) * share)
 
     def n_bytes(self, grid: ImagePoints | EvenGrid) -> int:
         """Memory that adding the echoes takes besides the image, bytes."""
         *layers, n_y, n_x = (1, 1, *grid.shape)
-        lit = 0 if self.amplitudes is None else self.amplitudes.n_bytes((n_y, n_x), self.tile)
-        return coordinate_bytes(grid) + math.prod(layers) * lit
+        n_bytes = 0 if self.amplitudes is None else self.amplitudes.n_bytes((n_y, n_x), self.tile)
+        return coordinate_bytes(grid) + math.prod(layers) * n_bytes
 
     def __str__(self) -> str:
         return 'pulses are added point by point'
@@ -213,8 +213,8 @@ def point_operations(grid: EvenGrid, radar: RadarParameters, n_samples: int, n_e
                      range_m: tuple[float, float], target_db: float) -> dict[str, float]:
     """How often the image of a grid point by point does the operations of `CostModel`."""
     window = RangeGate.around(radar, n_samples, range_m)
-    lattice = plan_point_resampling(radar, window.n_samples, target_db)
-    return {'image': 1} | lattice.operations(n_echoes, math.prod(grid.shape))
+    resampling = plan_point_resampling(radar, window.n_samples, target_db)
+    return {'image': 1} | resampling.operations(n_echoes, math.prod(grid.shape))
 
 
 def plan_even_points(grid: EvenGrid, *planned, illumination: Illumination | None = None
@@ -254,16 +254,16 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
         Positions of pixels by row and column, and how many there are; of `points` unless told.
     """
     window = RangeGate.around(radar, n_samples, range_m)
-    lattice = plan_point_resampling(radar, window.n_samples, target_db)
+    resampling = plan_point_resampling(radar, window.n_samples, target_db)
     # Rounding a tile's paths in float32 errs the more the larger it is.
     rounded_db = error_budget(target_db, EXACT_SHARES)['rounded paths']
     rounding_per_m = radar.wavenumber_rad_per_m * _ROUNDING
     reach_m = 10 ** (rounded_db / 20) / rounding_per_m
     tile, radius_m = points.tile(reach_m)
     some = np.linspace(0, len(tx_m) - 1, min(len(tx_m), _SAMPLED_ECHOES)).round().astype(int)
-    cost, lit, oversampling = lattice.cost, None, lattice.oversampling(radar)
+    cost, amplitudes, oversampling = resampling.cost, None, resampling.oversampling(radar)
     errors = {
-        'range profiles': lattice.predicted_error_db,
+        'range profiles': resampling.predicted_error_db,
         'rounded paths': 20 * math.log10(rounding_per_m * min(reach_m, radius_m) + 1e-12)}
     if illumination is None:
         length = half_paths(tx_m[some], rx_m[some], points.some() if some_m is None else some_m)[0]
@@ -272,11 +272,12 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
     else:
         from .illumination import plan_point_amplitudes
 
-        tile, lit, pairs = plan_point_amplitudes(
+        tile, amplitudes, pairs = plan_point_amplitudes(
             illumination, positions or points.positions, shape or points.size,
             [side for side in _SIDES[points.size[0] > 1] if side <= tile],
             error_budget(target_db, EXACT_SHARES)['illumination'])
         errors |= {'ends of profiles': pairs.ends_db(window, oversampling, tx_m, rx_m),
-                   'illumination': lit.predicted_error_db}
-        cost *= lit.share * lit.dearer
-    return PointPlan(window, lattice, range_m, tile, reach_m, errors, cost * len(tx_m), lit)
+                   'illumination': amplitudes.predicted_error_db}
+        cost *= amplitudes.share * amplitudes.dearer
+    return PointPlan(window, resampling, range_m, tile, reach_m, errors, cost * len(tx_m),
+                     amplitudes)

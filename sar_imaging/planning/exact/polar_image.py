@@ -94,7 +94,7 @@ def plan_parts(cover: PolarCover, wanted_db: float) -> AzimuthParts | None:
 
 
 def _quickest_parts(cover: PolarCover, interpolator: Interpolator) -> AzimuthParts | None:
-    fine, slope, echo_cost = cover.polar, cover.slope_alpha, cover.lattice.cost
+    fine, slope, echo_cost = cover.polar, cover.slope_alpha, cover.resampling.cost
     lowest, highest = cover.window.radar.wavenumbers_rad_per_m
     best, least = None, echo_cost * len(slope)
     n_parts = 2
@@ -155,7 +155,7 @@ class PolarPlan(Plan):
 
     Attributes
     ----------
-    lattice : RangeResampling
+    resampling : RangeResampling
         How its lines read the profiles.
     window : RangeGate
         Part of the profiles that it needs.
@@ -172,7 +172,7 @@ class PolarPlan(Plan):
     """
 
     polar: PolarGrid
-    lattice: RangeResampling
+    resampling: RangeResampling
     window: RangeGate
     range_m: tuple[float, float]
     axis: int
@@ -197,13 +197,13 @@ class PolarPlan(Plan):
         share = 1.0 if self.amplitudes is None else self.amplitudes.share
         return {'image': 1, 'map_pixel': math.prod(grid.shape), 'upsampled_part': n_parts,
                 'upsampled_pixel': n_parts * math.prod(self.polar.shape)
-                } | self.lattice.operations(n_echoes, math.prod(self.projected.shape) * share)
+                } | self.resampling.operations(n_echoes, math.prod(self.projected.shape) * share)
 
     def n_bytes(self, grid: MapGrid) -> int:
         """Memory that adding the echoes takes besides the image, bytes."""
-        lit = 0 if self.amplitudes is None else self.amplitudes.n_bytes(
-            *self.projected.shape, self.lattice.segment, 1)
-        return IMAGE_BYTES * math.prod(self.polar.shape) + lit
+        n_bytes = 0 if self.amplitudes is None else self.amplitudes.n_bytes(
+            *self.projected.shape, self.resampling.segment, 1)
+        return IMAGE_BYTES * math.prod(self.polar.shape) + n_bytes
 
     def __str__(self) -> str:
         n = 1 if self.parts is None else len(self.parts.echoes)
@@ -224,7 +224,7 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     budget, planner = error_budget(target_db, EXACT_SHARES), None
     profiles_db, map_db = budget['range profiles'], budget['polar to map'] - PASSES_DB
     cover_of = functools.partial(cover_map, grid, tx_m, rx_m, radar, n_samples,
-                                 lattice_db=profiles_db, illumination=illumination)
+                                 profiles_db=profiles_db, illumination=illumination)
     if illumination is not None:
         from .illumination import LitPolar
 
@@ -237,28 +237,30 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
         return None
     parts_of, parts_db = functools.partial(plan_parts, cover), budget['azimuth upsampling']
     parts = planner.parts(parts_of, parts_db) if planner else parts_of(parts_db)
-    lattice = None
+    resampling = None
     if parts is not None:
-        lattice = _lattice_of_parts(parts, cover, tx_m, rx_m, profiles_db, illumination)
-    if lattice is None:
-        lattice, parts = cover.lattice, None
-    lit, lines = None, polar if parts is None else parts.coarse
+        resampling = _resampling_of_parts(parts, cover, tx_m, rx_m, profiles_db, illumination)
+    if resampling is None:
+        resampling, parts = cover.resampling, None
+    amplitudes, lines = None, polar if parts is None else parts.coarse
     if planner:
-        lattice, lit = planner.lines(lines, lattice, parts, profiles_db, budget['illumination'])
-        if lattice is None:
+        resampling, amplitudes = planner.lines(lines, resampling, parts, profiles_db,
+                                        budget['illumination'])
+        if resampling is None:
             return None
-    errors = {'range profiles': lattice.predicted_error_db, 'polar to map': cover.resampling_db,
-              'ends of profiles': cover.profile_db}
-    cost = lattice.cost * len(tx_m)
+    errors = {'range profiles': resampling.predicted_error_db,
+              'polar to map': cover.polar_to_map_db, 'ends of profiles': cover.profile_db}
+    cost = resampling.cost * len(tx_m)
     if parts is not None:
         errors['azimuth upsampling'], cost = parts.error_db, parts.cost
-    if lit is not None:
-        errors['illumination'] = lit.predicted_error_db
-        echo_cost = lattice.cost * len(tx_m) * lines.n_alpha / polar.n_alpha
-        cost -= echo_cost * (1 - lit.share)
-    return PolarPlan(polar, lattice, cover.window, cover.range_m, cover.axis, cover.between,
+    if amplitudes is not None:
+        errors['illumination'] = amplitudes.predicted_error_db
+        echo_cost = resampling.cost * len(tx_m) * lines.n_alpha / polar.n_alpha
+        cost -= echo_cost * (1 - amplitudes.share)
+    return PolarPlan(polar, resampling, cover.window, cover.range_m, cover.axis, cover.between,
                      cover.along, parts, radar.wavelength_m, errors,
-                     cost * (polar.n_range * polar.n_alpha / n_pixels) + costs().map_pixel, lit)
+                     cost * (polar.n_range * polar.n_alpha / n_pixels) + costs().map_pixel,
+                     amplitudes)
 
 
 def _sampled_paths(polar: PolarGrid, tx_m, rx_m, illumination: Illumination | None) -> Paths:
@@ -268,9 +270,9 @@ def _sampled_paths(polar: PolarGrid, tx_m, rx_m, illumination: Illumination | No
     return paths if illumination is None else illumination.of_paths(paths, lines[0])
 
 
-def _lattice_of_parts(parts: AzimuthParts, cover: PolarCover, tx_m, rx_m, target_db: float,
-                      illumination: Illumination | None) -> RangeResampling | None:
-    """Lattice that is as good where echoes are added part by part, to lines far beyond the map.
+def _resampling_of_parts(parts: AzimuthParts, cover: PolarCover, tx_m, rx_m, target_db: float,
+                         illumination: Illumination | None) -> RangeResampling | None:
+    """Range grid that is as good where echoes are added part by part, to lines far beyond the map.
 
     That of the map where it will do, None where none does.
     """
@@ -278,8 +280,8 @@ def _lattice_of_parts(parts: AzimuthParts, cover: PolarCover, tx_m, rx_m, target
     paths = dataclasses.replace(_sampled_paths(coarse, tx_m, rx_m, illumination),
                                 parts=tuple(echoes.start for echoes in parts.echoes),
                                 weight=cover.weight)
-    error_db = resampling_error_db(cover.lattice, paths, window.radar)
+    error_db = resampling_error_db(cover.resampling, paths, window.radar)
     if error_db <= target_db:
-        return dataclasses.replace(cover.lattice, predicted_error_db=error_db)
+        return dataclasses.replace(cover.resampling, predicted_error_db=error_db)
     return plan_resampling(paths, coarse.range_spacing_m, coarse.n_range, window.radar,
                            window.n_samples, target_db)

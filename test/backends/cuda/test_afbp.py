@@ -35,8 +35,9 @@ def plan(scene):
 def from_beams(plan, block, group=8, n_weighed=0):
     """The plan by way of beams, so many of which share phases; images that are weighed apart."""
     some = block.select(plan.sampling.pulses[0])
-    beams = plan_beams(plan.coarse, plan.radar, plan.lattice, [(some.tx_m[:, 0], some.rx_m[:, 0])],
-                       TARGET_DB, plan.range_m[1] - plan.range_m[0])
+    beams = plan_beams(
+        plan.coarse, plan.radar, plan.resampling, [(some.tx_m[:, 0], some.rx_m[:, 0])],
+        TARGET_DB, plan.range_m[1] - plan.range_m[0])
     return dataclasses.replace(plan, beams=dataclasses.replace(
         beams, group=group, n_weighed=n_weighed))
 

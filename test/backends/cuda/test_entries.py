@@ -44,7 +44,7 @@ def test_predicted_time_counts_transfers(make_scene, monkeypatch, tmp_path):
     costs = dataclasses.replace(DEFAULT, transferred_byte=2 * DEFAULT.transferred_byte)
     costs.write(tmp_path / 'costs.json')
     monkeypatch.setenv(VARIABLE, str(tmp_path / 'costs.json'))
-    n_bytes = 8 * plan.route.lattice.n_padded * 4 + 8 * 12 * 12  # samples there, the image back
+    n_bytes = 8 * plan.route.resampling.n_padded * 4 + 8 * 12 * 12  # samples there, the image back
     assert backend('cuda').seconds(plan) - seconds == pytest.approx(
         1e-9 * DEFAULT.transferred_byte * n_bytes)
     assert DeviceCosts.read(tmp_path / 'costs.json') == costs

@@ -27,11 +27,11 @@ def test_polynomials_are_the_profiles(make_scene, error_db, history, first, n_ph
     n_padded = source.n_samples if history else source.n_samples + 20
     radar, n_cells = source.radar, n_padded * 2 // n_phases
     step_m = n_padded * radar.sample_spacing_m / (n_cells * n_phases)
-    lattice = RangeResampling(
+    resampling = RangeResampling(
         n_padded, n_cells, n_phases, 8, step_m, step_m, design_interpolator(
             radar.range_resolution_m / step_m, 0.03, degree=degree), -60.0)
     middle = source.range_start_m + n_padded * radar.sample_spacing_m / 2
-    profiles = Profiles(source, lattice, (middle - 5.0, middle + 5.0), fold)
+    profiles = Profiles(source, resampling, (middle - 5.0, middle + 5.0), fold)
     planes = to_host(profiles.planes(samples))
     assert planes.shape == (2, n_phases, profiles.n_cells >> fold, degree + 1, 1 << fold)
     planes = planes.swapaxes(2, 3).reshape(2, n_phases, degree + 1, profiles.n_cells)
@@ -39,11 +39,11 @@ def test_polynomials_are_the_profiles(make_scene, error_db, history, first, n_ph
     t, inside = 0.3, slice(16, -16)
     powers = t ** np.arange(degree + 1)
     value = np.einsum('q,ruqc->rcu', powers, planes)[:, inside]
-    cells = profiles.range_at(0) + np.arange(profiles.n_cells)[inside, None] * lattice.cell_m
+    cells = profiles.range_at(0) + np.arange(profiles.n_cells)[inside, None] * resampling.cell_m
     range_m = np.broadcast_to(cells + (np.arange(n_phases) + t) * step_m, value.shape)
     wanted = resample_profiles(source, profile_spectra(source, samples, n_padded), range_m)
     # the interpolator's own error, and float32's
-    assert error_db(value, wanted) < lattice.interpolator.error_db + 3.0
+    assert error_db(value, wanted) < resampling.interpolator.error_db + 3.0
 
 
 def test_integers_are_converted_there():
@@ -58,9 +58,10 @@ def test_passes_are_whole(make_scene):
     """Echoes that share a reference for the phase are never divided."""
     scene = make_scene(500.0, n=16, pulses=2)
     block = scene.block
-    lattice = RangeResampling(64, 128, 1, 8, 0.1, 0.1, design_interpolator(2.0, degree=4), -60.0)
+    resampling = RangeResampling(64, 128, 1, 8, 0.1, 0.1, design_interpolator(2.0, degree=4),
+                                 -60.0)
     source = RangeGate.whole(block.radar, block.n_samples)
-    profiles = Profiles(source, lattice, (block.radar.range_start_m,) * 2)
+    profiles = Profiles(source, resampling, (block.radar.range_start_m,) * 2)
     n_rows = 1_000_000  # 17 GB of polynomials
     slices = list(profiles.chunks(n_rows, 32))
     assert len(slices) > 1 and slices[0].start == 0 and slices[-1].stop == n_rows
