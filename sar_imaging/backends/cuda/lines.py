@@ -241,9 +241,10 @@ def _share_phase(lines, number, line, centres, echo, inverse_step, n_phases, cyc
                                   centres[echo, 5]))
     quartic = cycles_per_step * inverse_step * (1.0 / 48.0) * fourth
     phase[0, item] = fraction(-0.125 * square * square * quartic)
-    phase[1, item] = fraction(cycles_per_step * drift[0, item])
-    phase[2, item] = fraction(cycles_per_step * drift[1, item] + square * quartic)
-    phase[3, item] = fraction(cycles_per_step * drift[2, item])
+    # Numba's simulator would multiply in float32 what the device multiplies in float64.
+    phase[1, item] = fraction(cycles_per_step * np.float64(drift[0, item]))
+    phase[2, item] = fraction(cycles_per_step * np.float64(drift[1, item]) + square * quartic)
+    phase[3, item] = fraction(cycles_per_step * np.float64(drift[2, item]))
 
 
 @function
