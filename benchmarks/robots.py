@@ -37,6 +37,7 @@ from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality.verification import measure_error
 from sar_imaging.signal import SPEED_OF_LIGHT, PulseBlock, RadarParameters, Waveform
 from sar_imaging.signal.range_compression import RangeCompressor
+from sar_imaging.simulation.scenarios.scenario import START_NS
 
 from .support.machine import machine
 
@@ -56,9 +57,11 @@ class Scene(NamedTuple):
     spacing_m: float
     tx_m: np.ndarray
     rx_m: np.ndarray
+    prf_hz: float
 
 
-def of_numbers(carrier_hz, range_m, side, spacing_m, pulses, receivers, elevation_rad) -> Scene:
+def of_numbers(carrier_hz, range_m, side, spacing_m, pulses, receivers, elevation_rad,
+               speed_m_per_s) -> Scene:
     """Broadside of a straight track; pixels are half of the resolution in both directions."""
     wavelength_m = SPEED_OF_LIGHT / carrier_hz
     tx = np.zeros((pulses, receivers, 3))
@@ -67,7 +70,8 @@ def of_numbers(carrier_hz, range_m, side, spacing_m, pulses, receivers, elevatio
     tx[..., 1] = (np.linspace(-0.5, 0.5, pulses) * wavelength_m * range_m
                   / (4 * spacing_m))[:, None]
     return Scene(carrier_hz, min(SPEED_OF_LIGHT / (4 * spacing_m), 0.45 * carrier_hz), side,
-                 spacing_m, tx, _receivers(tx, wavelength_m / 2))
+                 spacing_m, tx, _receivers(tx, wavelength_m / 2),
+                 speed_m_per_s / float(tx[1, 0, 1] - tx[0, 0, 1]))
 
 
 def of_file(name: str) -> Scene:
@@ -82,7 +86,7 @@ def of_file(name: str) -> Scene:
     tx = np.repeat((centre + np.multiply.outer(seconds, velocity))[:, None], radar['channels'], 1)
     return Scene(radar['carrier_hz'], radar['bandwidth_hz'], round(grid['size_x']
                  / grid['spacing']), grid['spacing'], tx, _receivers(
-                     tx, radar.get('channel_spacing_m', 0.0)))
+                     tx, radar.get('channel_spacing_m', 0.0)), radar['prf_hz'])
 
 
 def _receivers(tx, apart_m: float) -> np.ndarray:
@@ -91,20 +95,22 @@ def _receivers(tx, apart_m: float) -> np.ndarray:
     return rx
 
 
-#: Carrier, Hz; range, m; pixels of a side and their spacing, m; pulses, receivers, elevation, rad.
-CASES = {'R1': (78.6e9, 7.0, 300, 0.025, 256, 4, 0.12),
-         'R2': (78.6e9, 20.0, 800, 0.025, 256, 8, 0.12),
-         'R3': (4e9, 10.0, 256, 0.044, 380, 1, 0.5), 'R4': (24e9, 60.0, 512, 0.15, 512, 1, 0.1),
-         '100 m': (10e9, 100.0, 1024, 0.05, 256, 1, 0.0),
-         '10 km': (10e9, 1e4, 1024, 0.25, 256, 1, 0.0),
-         '2 km, 128²': (10e9, 2e3, 128, 0.25, 256, 1, 0.0),
-         '2 km, 512²': (10e9, 2e3, 512, 0.25, 256, 1, 0.0)}
+#: Carrier, Hz; range, m; pixels of a side and their spacing, m; pulses, receivers, elevation, rad;
+#: speed of the platform, m/s.
+CASES = {'R1': (78.6e9, 7.0, 300, 0.025, 256, 4, 0.12, 1.0),
+         'R2': (78.6e9, 20.0, 800, 0.025, 256, 8, 0.12, 1.0),
+         'R3': (4e9, 10.0, 256, 0.044, 380, 1, 0.5, 2.0),
+         'R4': (24e9, 60.0, 512, 0.15, 512, 1, 0.1, 5.0),
+         '100 m': (10e9, 100.0, 1024, 0.05, 256, 1, 0.0, 5.0),
+         '10 km': (10e9, 1e4, 1024, 0.25, 256, 1, 0.0, 50.0),
+         '2 km, 128²': (10e9, 2e3, 128, 0.25, 256, 1, 0.0, 20.0),
+         '2 km, 512²': (10e9, 2e3, 512, 0.25, 256, 1, 0.0, 20.0)}
 FILES = ('automotive_77ghz', 'drone_uwb', 'airborne_x_band')
 
 
 def simulated(scene: Scene) -> tuple[PulseBlock, MapGrid]:
     """Stepped-frequency pulses of random scatterers, and the map."""
-    rng, (tx, rx) = np.random.default_rng(1), scene[-2:]
+    rng, tx, rx = np.random.default_rng(1), scene.tx_m, scene.rx_m
     side_m, bandwidth = scene.side * scene.spacing_m, scene.bandwidth_hz
     # FastSAR's first pixels lie half of the sides from the origin
     grid = MapGrid((-scene.spacing_m / 2, -scene.spacing_m / 2, 0.0), scene.side, scene.side,
@@ -120,8 +126,13 @@ def simulated(scene: Scene) -> tuple[PulseBlock, MapGrid]:
     radar = RadarParameters(scene.carrier_hz, bandwidth, bandwidth, reference,
                             waveform=Waveform.STEPPED_FREQUENCY)
     number = np.arange(len(tx))
-    return PulseBlock(radar, False, number * 1_000_000, number, samples.reshape(
+    return PulseBlock(radar, False, sent_ns(number, scene.prf_hz), number, samples.reshape(
         *tx.shape[:2], n).astype(np.complex64), tx, rx), grid
+
+
+def sent_ns(number: np.ndarray, prf_hz: float) -> np.ndarray:
+    """When pulses are sent, ns."""
+    return START_NS + np.rint(number * (1e9 / prf_hz)).astype(np.int64)
 
 
 class Work:
@@ -256,9 +267,14 @@ def table(results: dict) -> str:
     return '\n'.join(rows)
 
 
-def main() -> None:
-    """Measure the cases that are named, all if none is."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def scene_of(name: str) -> Scene:
+    """Scene of a case or of an example configuration."""
+    return of_numbers(*CASES[name]) if name in CASES else of_file(name)
+
+
+def arguments_of(doc: str) -> argparse.Namespace:
+    """Names of cases, the file of results, and whether to print its table."""
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     parser.add_argument('names', nargs='*', metavar='NAME',
                         help=f'some of {", ".join((*CASES, *FILES))}')
     parser.add_argument('--results', type=pathlib.Path, default=RESULTS)
@@ -266,18 +282,29 @@ def main() -> None:
     arguments = parser.parse_args()
     if unknown := set(arguments.names) - {*CASES, *FILES}:
         parser.error(f'no case {", ".join(sorted(unknown))}')
+    arguments.names = arguments.names or (*CASES, *FILES)
+    return arguments
+
+
+def measure_all(arguments: argparse.Namespace, part: str, measure) -> None:
+    """Measure the named scenes and write each into a part of the results."""
     known = json.loads(arguments.results.read_text()) if arguments.results.exists() else {}
+    found = known.setdefault(part, {})
+    for name in arguments.names:
+        found[name] = measure(scene_of(name)) | {'load': round(os.getloadavg()[0], 1),
+                                                 'machine': machine()['cpu']}
+        print(name, json.dumps(found[name]), flush=True)
+        arguments.results.write_text(json.dumps(known | {'machine': machine()}, indent=1) + '\n')
+
+
+def main() -> None:
+    """Measure the cases that are named, all if none is."""
+    arguments = arguments_of(__doc__)
     if arguments.table:
-        print(table(known))
+        print(table(json.loads(arguments.results.read_text())))
         return
     warnings.simplefilter('ignore')  # FastSAR tells of its errors, which are measured
-    found = known.get('cases', {})
-    for name in arguments.names or (*CASES, *FILES):
-        scene = of_numbers(*CASES[name]) if name in CASES else of_file(name)
-        found[name] = measured(*simulated(scene)) | {'load': round(os.getloadavg()[0], 1)}
-        print(name, json.dumps(found[name]), flush=True)
-        arguments.results.write_text(json.dumps({'machine': machine(), 'cases': found},
-                                                indent=1) + '\n')
+    measure_all(arguments, 'cases', lambda scene: measured(*simulated(scene)))
 
 
 if __name__ == '__main__':

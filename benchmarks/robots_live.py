@@ -1,0 +1,109 @@
+# Copyright 2026 SAR Imaging contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Latency of images of robots' radars through the nodes, at the radar's own rate.
+
+`sar_pipeline` gets the pulses of a scene of `benchmarks.robots` as messages, aperture after
+aperture, as fast as the radar sends them: at the pulse repetition frequency of its file, or what
+the speed of its platform asks for. Latency is the time from sending the last pulse of an aperture
+to receiving its complex image, over real DDS. Linux only. Run from the repository root::
+
+    python -m benchmarks.robots_live
+    python -m benchmarks.robots_live --table
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+import pathlib
+import tempfile
+from collections.abc import Iterator
+
+import numpy as np
+
+from sar_imaging.geometry import MapGrid
+from sar_imaging.recordings import bag_io
+from sar_imaging.signal import PulseBlock
+from sar_imaging.tools.node_processes import (
+    PIPELINE,
+    isolated_environment,
+    parameters_from_truth,
+    pipeline_parameters,
+)
+
+from .robots import Scene, arguments_of, measure_all, sent_ns, simulated
+from .support.live_flight import PULSES_PER_MESSAGE, Message
+from .support.live_system import System
+
+_SECONDS, _LEAST_IMAGES = 30.0, 12
+
+
+def live(scene: Scene) -> dict:
+    """Latency of images through the nodes at the radar's own rate, of `_SECONDS` seconds."""
+    block, grid = simulated(scene)
+    per_aperture, aperture_s = block.n_pulses, block.n_pulses / scene.prf_hz
+    n_images = max(_LEAST_IMAGES, round(_SECONDS / aperture_s))
+    with tempfile.TemporaryDirectory() as folder, System(
+            PIPELINE, parameters(grid, per_aperture), pathlib.Path(folder)) as system:
+        fed = {}
+        for first, count in ((0, 1), (1, n_images)):  # the first image takes its plan
+            cpu = system.cpu_s()
+            fed = system.feed(messages(block, scene.prf_hz, first, count), 1.0)
+            system.wait(lambda n=count: len(system.images) >= n, 'images')
+        busy = sum(sum(system.cpu_s()[n].values()) - sum(cpu[n].values()) for n in PIPELINE)
+        delays = [system.delay_s(image, (k + 1) * per_aperture - 1)
+                  for k, image in enumerate(system.images, 1)]
+        p50, p99 = np.percentile([1e3 * d for d in delays], [50, 99])
+        return {'prf_hz': round(scene.prf_hz, 1), 'pulses_per_image': per_aperture,
+                'pixels': math.prod(grid.shape), 'images': len(delays),
+                'aperture_s': round(aperture_s, 3), 'latency_p50_ms': round(p50, 1),
+                'latency_p99_ms': round(p99, 1), 'cores': round(busy / fed.seconds, 3),
+                'lost': system.losses()}
+
+
+def parameters(grid: MapGrid, per_aperture: int) -> dict:
+    """Parameters of sar_pipeline for a map."""
+    return pipeline_parameters(parameters_from_truth({
+        'frame': 'map', 'pulses_per_aperture': per_aperture, 'grid': {
+            'centre_m': grid.centre_m, 'n_x': grid.n_x, 'n_y': grid.n_y,
+            'spacing_m': grid.spacing_m}}))
+
+
+def messages(block: PulseBlock, prf_hz: float, first: int, count: int) -> Iterator[Message]:
+    """So many repetitions of an aperture after `first` ones, a few pulses in each message."""
+    numbers = np.arange(first * block.n_pulses, (first + count) * block.n_pulses)
+    # Messages end where `System` expects it, whatever aperture a pulse belongs to.
+    for some in np.split(numbers, np.flatnonzero(numbers % PULSES_PER_MESSAGE == 0)):
+        if len(some):
+            sent = dataclasses.replace(
+                block.select(some % block.n_pulses), counter=some, frame='map',
+                stamp_ns=sent_ns(some, prf_hz))
+            yield Message(some[-1] / prf_hz, bag_io.serialise(sent), int(some[0]), len(some))
+
+
+def table(results: dict) -> str:
+    """Rows for docs/benchmarks.md."""
+    rows = ['| case | pulses per s | pulses per image | pixels | images | latency, median (ms) | '
+            '99 % (ms) | cores | lost |',
+            '| --- | --- | --- | --- | --- | --- | --- | --- | --- |']
+    for name, f in results['live'].items():
+        rows.append(f'| {name} | {f["prf_hz"]:g} | {f["pulses_per_image"]} | {f["pixels"]} | '
+                    f'{f["images"]} | {f["latency_p50_ms"]} | {f["latency_p99_ms"]} | '
+                    f'{f["cores"]} | {sum(f["lost"].values())} |')
+    return '\n'.join(rows)
+
+
+def main() -> None:
+    """Measure the cases that are named, all if none is."""
+    arguments = arguments_of(__doc__)
+    if arguments.table:
+        print(table(json.loads(arguments.results.read_text())))
+        return
+    os.environ.update(isolated_environment())
+    measure_all(arguments, 'live', live)
+
+
+if __name__ == '__main__':
+    main()
