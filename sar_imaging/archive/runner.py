@@ -19,8 +19,10 @@ import heapq
 import os
 import queue
 import resource
+import signal
 import socket
 import sys
+import threading
 import time
 import traceback
 import uuid
@@ -387,6 +389,29 @@ def _ordered(pieces: Sequence[Any]) -> graphlib.TopologicalSorter:
     return order
 
 
+@contextlib.contextmanager
+def _ctrl_c() -> Iterator[threading.Event]:
+    """Event that the first Ctrl-C sets; the next one raises KeyboardInterrupt, as ever.
+
+    Raised at once it is lost where Python is just deleting an object, such as a future of Dask.
+    """
+    pressed, before = threading.Event(), signal.getsignal(signal.SIGINT)
+    if not callable(before) or threading.current_thread() is not threading.main_thread():
+        yield pressed
+        return
+
+    def press(number, frame):
+        if pressed.is_set():
+            before(number, frame)
+        pressed.set()
+
+    signal.signal(signal.SIGINT, press)
+    try:
+        yield pressed
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 class _Run:
     """State of one call of `run_pieces`; only the thread that called it changes it."""
 
@@ -409,10 +434,12 @@ class _Run:
         self.client.run_on_scheduler(_let_die(self.retries))
         self.bar = tqdm(total=sum(piece.seconds for piece in self.pieces), **_BAR)
         try:
-            while not self.stopped and self.order.is_active():
-                self.look()
-                self.submit()
-                self.take_answers()
+            with _ctrl_c() as pressed:
+                while not self.stopped and not pressed.is_set() and self.order.is_active():
+                    self.look()
+                    self.submit()
+                    self.take_answers()
+            interrupted = pressed.is_set()
         except KeyboardInterrupt:
             interrupted = True
         finally:

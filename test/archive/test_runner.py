@@ -190,13 +190,22 @@ def test_wrong_lists_of_pieces_are_refused(run, toys):
         run([toys.Toy(key='a', needs=('b',)), toys.Toy(key='b', needs=('a',))])
 
 
-def test_ctrl_c_stops_and_the_next_run_goes_on(run, toys, tmp_path):
+class Deleted:
+    """As a future of Dask that Ctrl-C meets: Python ignores what is raised here."""
+
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+
+
+@pytest.mark.parametrize('press', [lambda: os.kill(os.getpid(), signal.SIGINT), Deleted],
+                         ids=['while it works', 'while it deletes an object'])
+def test_ctrl_c_stops_and_the_next_run_goes_on(run, toys, tmp_path, press):
     pieces, seen = toys.tree(8), []
 
     def interrupt(piece, result):
         seen.append(piece.key)
         if len(seen) == 3:
-            os.kill(os.getpid(), signal.SIGINT)
+            press()
 
     summary = run(pieces, on_result=interrupt)
     assert summary.exit_status == 130
