@@ -34,7 +34,14 @@ from matplotlib.patches import Ellipse, Polygon
 from scipy import ndimage, stats
 from tqdm import tqdm
 
-from sar_imaging.exploitation.registration import LookDirection, register
+from sar_imaging.exploitation.localization import Estimate, Guess
+from sar_imaging.exploitation.map_update import GrowingMap
+from sar_imaging.exploitation.registration import (
+    LookDirection,
+    Registration,
+    measured_resolution_m,
+    register,
+)
 from sar_imaging.geometry.grids import MapGrid, PlaneGrid
 from sar_imaging.imaging.image import Image, Report
 from sar_imaging.imaging.imager import plan_image
@@ -201,23 +208,67 @@ def pulses(seed: int, n: int) -> Iterator[Trial]:
 
 def patches(seed: int, n: int) -> Iterator[Trial]:
     """Patches of an image of one degree of Gotcha in that of another, 100 m wide."""
-    grid = MapGrid.from_size((0.0, 0.0, 0.0), 100.0, 100.0, 0.25)
-    block = _profiles('gotcha', 'gotcha_pass1_hh')
-    images = [_formed(block.select(part), grid) for part in
-              np.array_split(np.arange(block.n_pulses), 4)]
+    images = _degrees()
     for k in range(n):
         rng = np.random.default_rng([seed, 5, k])
         one, other = rng.choice(4, 2, replace=False)
         side = (20.0, 40.0, 60.0)[k % 3]
-        pixels = round(side / grid.spacing_m)
-        row, column = rng.integers(0, np.array(grid.shape) - pixels + 1)
-        offset = rng.uniform(-20.0, 20.0, 2)
-        middle = _places(grid, row + (pixels - 1) / 2, column + (pixels - 1) / 2) - offset
-        image = dataclasses.replace(
-            images[one], samples=images[one].samples[row:row + pixels, column:column + pixels],
-            grid=MapGrid((*middle, 0.0), pixels, pixels, grid.spacing_m))
+        image, offset = _patch(rng, images[one], side, 20.0)
         yield tried(f'{side:.0f} m', image, images[other], offset, 0.0, search_deg=2.0,
                     facts={'look_deg': float(abs(one - other))})
+
+
+def grown(seed: int, n: int) -> Iterator[Trial]:
+    """Patches of 40 m of Gotcha's fourth degree, before and after a map of the first has grown.
+
+    It grows by patches of 60 m of the second and the third degree, where they are found in it.
+    """
+    images = _degrees()
+    first = dataclasses.replace(images[0], samples=np.abs(images[0].samples))
+    cell = measured_resolution_m(images[0])
+    for k in range(n // 2):
+        rng = np.random.default_rng([seed, 7, k])
+        growing = GrowingMap(dataclasses.replace(first, samples=first.samples.copy()),
+                             np.ones(first.shape, np.uint16), cell, [])
+        for more in (1, 2) * 4:
+            image, offset = _patch(rng, images[more], 60.0, 2.0)
+            found = register(image, growing.image, search_m=5.0, search_deg=2.0)
+            if found.accepted:
+                growing.add(image, _estimate(image, found))
+        image, offset = _patch(rng, images[3], 40.0, 20.0)
+        for kind, reference in (('before', first), ('after', growing.image)):
+            yield tried(kind, image, reference, offset, 0.0, search_deg=2.0,
+                        facts={'look_deg': 3.0})
+
+
+def _degrees() -> list[Image]:
+    """Four images of a degree of Gotcha each, of one place of 100 m."""
+    grid = MapGrid.from_size((0.0, 0.0, 0.0), 100.0, 100.0, 0.25)
+    block = _profiles('gotcha', 'gotcha_pass1_hh')
+    return [_formed(block.select(part), grid)
+            for part in np.array_split(np.arange(block.n_pulses), 4)]
+
+
+def _patch(rng, image: Image, side_m: float, most_m: float) -> tuple[Image, np.ndarray]:
+    """A square of an image that is believed elsewhere, and the displacement (2,), metres."""
+    grid = image.grid
+    pixels = round(side_m / grid.spacing_m)
+    row, column = rng.integers(0, np.array(grid.shape) - pixels + 1)
+    offset = rng.uniform(-most_m, most_m, 2)
+    middle = _places(grid, row + (pixels - 1) / 2, column + (pixels - 1) / 2) - offset
+    return dataclasses.replace(
+        image, samples=image.samples[row:row + pixels, column:column + pixels],
+        grid=MapGrid((*middle, 0.0), pixels, pixels, grid.spacing_m)), offset
+
+
+def _estimate(image: Image, found: Registration) -> Estimate:
+    """What a robot would be told that stands where the image's middle is."""
+    c, s = math.cos(found.rotation_rad), math.sin(found.rotation_rad)
+    middle = found.pivot_m
+    frame = middle + found.translation_m - np.array([[c, -s], [s, c]]) @ middle
+    pose = np.array([*(middle + found.translation_m), found.rotation_rad])
+    return Estimate(pose, found.covariance, np.array([*frame, found.rotation_rad]),
+                    Guess((*middle, 100.0), 0.0, 0.0, 0, 1), found, expected=True)
 
 
 _PASSES = {  # description, folder, middle, side and spacing of the map, metres
@@ -355,7 +406,8 @@ def _by_ransac(cv2, one, other, image, translation_m, rotation_rad) -> str:
 
 PARTS: dict[str, tuple[Callable[[int, int], Iterator[Trial]], int]] = {
     'drives': (drives, 300), 'absent': (absent, 200), 'repeated': (repeated, 100),
-    'pulses': (pulses, 20), 'patches': (patches, 480), 'halves': (halves, 200)}
+    'pulses': (pulses, 20), 'patches': (patches, 480), 'halves': (halves, 200),
+    'grown': (grown, 160)}
 
 
 def summary(trials: list[Trial]) -> dict:

@@ -48,8 +48,11 @@ def draw(block: str, shade: str) -> None:
              '--configFile', 'mermaid.json', '--puppeteerConfigFile', 'browser.json',
              '--backgroundColor', 'transparent'],
             cwd=folder, check=True, env={**os.environ, 'PUPPETEER_SKIP_DOWNLOAD': '1'})
+    # svgo makes paths of rectangles, which would be black without their style
+    file = drawing(block, shade)
+    file.write_text(file.read_text().replace('.edgeLabel rect{', '.edgeLabel .background{'))
     subprocess.run(['npx', '--yes', 'svgo@4.1.0', '--quiet', '--precision', '1',
-                    drawing(block, shade)], check=True)  # a fifth of the bytes
+                    file], check=True)  # a fifth of the bytes
 
 
 def main() -> None:

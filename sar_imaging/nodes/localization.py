@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import collections
+import dataclasses
 import math
 import sys
 import threading
@@ -14,6 +15,7 @@ from pathlib import Path
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import MapMetaData
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image as ImageMessage
@@ -40,7 +42,14 @@ from sar_imaging.exploitation.localization import (
     OdometryTrack,
     Refusal,
 )
-from sar_imaging.formats.reference_map import MAP_FILES, ReferenceMap, read_reference_map
+from sar_imaging.exploitation.map_update import GrowingMap
+from sar_imaging.formats.reference_map import (
+    MAP_FILES,
+    Pass,
+    ReferenceMap,
+    read_reference_map,
+    write_reference_map,
+)
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.imaging.image import Image, Report
 
@@ -64,6 +73,8 @@ PARAMETERS = (
     Parameter('map.folder', '', 'Folder of the reference map, as sar-imaging map writes it; read '
               'anew when it changes.'),
     Parameter('map.frame_id', 'map', 'Name of the frame of that map.'),
+    Parameter('map.update', False, 'Add images to the map in memory where they are found; the '
+              'service save_map writes it.'),
     Parameter('carrier_hz', 0.0, 'Carrier frequency of the images, to be compared with that of '
               'the map; 0.0 where it is not known.', 'Hz', 0.0, 1e13),
     Parameter('aperture_s', 1.0, 'Longest time from the first pulse of an image to its last: '
@@ -72,7 +83,7 @@ PARAMETERS = (
               'along x and y.', 'm', 0.1, 1e4),
     Parameter('search_deg', 5.0, 'Greatest rotation from the expected heading.', 'degrees', 0.1,
               30.0),
-    Parameter('most_false', 1e-4, 'Greatest probability of a false match that is accepted.', '',
+    Parameter('most_false', 5e-4, 'Greatest probability of a false match that is accepted.', '',
               1e-12, 0.1),
     Parameter('height_std_m', 2.0, 'Root mean square of the heights over the plane of the images, '
               'such as of walls and trees.', 'm', 0.0, 1e3),
@@ -107,7 +118,8 @@ FAULTS = ('images_rejected', 'images_in_other_frame', 'images_dropped', 'poses_i
               NO_MAP, OTHER_IMAGE, NO_ODOMETRY, ODOMETRY_BROKEN)))
 COUNTERS = ('images_received', 'images_waiting', 'poses_published', 'jumps_accepted',
             *(f'refused_{kind}' for kind in KINDS if f'refused_{kind}' not in FAULTS),
-            'last_std_m', 'last_std_deg', 'last_search_seconds')
+            'images_added', 'images_unsaved', 'last_std_m', 'last_std_deg',
+            'last_search_seconds')
 _MOST_WAITING = 4  # images; more would be old when their turn comes
 _GRIDS = 50  # that are remembered, of images that come late
 _SETTLE_S = 0.1  # until what was sent before an image on another topic has come
@@ -148,6 +160,12 @@ class MapFolder:
             self.problem = str(error)
             return None
 
+    def write(self, reference: ReferenceMap) -> list[str]:
+        """Write a map into the folder, which is not read for that; names of the files."""
+        names = write_reference_map(self._folder, reference)
+        self._seen = [self._stamp(name) for name in MAP_FILES]
+        return names
+
     def _stamp(self, name: str) -> tuple[int, int, int] | None:
         try:
             told = (self._folder / name).stat()
@@ -166,9 +184,14 @@ class LocalizationNode(ManagedNode):
         self._worker: Worker | None = None
         self._watch: InputWatch | None = None
         self._localizer: Localizer | None = None
+        self._reference: ReferenceMap | None = None
+        self._growing: GrowingMap | None = None
+        self._added_ns = self._n_unsaved = 0  # latest image that was added, and how many
         self._shown = None  # place of the frame of the odometry that tf is told
         self._ending = threading.Event()
         self.create_service(Trigger, '~/reset', self._reset, callback_group=self.service_group)
+        self.create_service(Trigger, '~/save_map', self._save_map,  # others do not wait for a disk
+                            callback_group=MutuallyExclusiveCallbackGroup())
 
     # ------------------------------------------------------------------------- life cycle
 
@@ -230,6 +253,7 @@ class LocalizationNode(ManagedNode):
 
     def cleanup(self) -> None:
         """Forget the map; see `ManagedNode`."""
+        self._forget_map()
         self._localizer = None
 
     # ------------------------------------------------------------------------- callbacks
@@ -271,6 +295,23 @@ class LocalizationNode(ManagedNode):
         else:
             self._worker.call(forget)
             response.success, response.message = True, 'the estimates are forgotten'
+        return response
+
+    async def _save_map(self, request, response):
+        if self._worker is None:
+            response.success, response.message = False, f'the node is {self.state}'
+            return response
+        call = await self.ended(self._worker.call(self._saved))
+        error = None if call.cancelled() else call.exception()
+        response.success = not call.cancelled() and error is None
+        if response.success:
+            response.message = call.result()
+            self.health.info(response.message)
+        else:
+            response.message = str(error or 'the node was deactivated meanwhile')
+            self.health.warning(f'no map was saved: {response.message}')
+            if not isinstance(error, ImportError | OSError | ValueError | None):
+                self._work_failed(error)
         return response
 
     def _send_transform(self) -> None:
@@ -345,8 +386,11 @@ class LocalizationNode(ManagedNode):
                    f'map_metadata tell of {grid.shape[0]} x {grid.shape[1]}')
                 + '; remap map_metadata to that of the images')
         carrier_hz = self.parameters['carrier_hz'] or localizer.reference.carrier_hz
-        return localizer.locate(Image(samples, grid, carrier_hz, Report('received', '', 0.0)),
-                                guess)
+        image = Image(samples, grid, carrier_hz, Report('received', '', 0.0))
+        answer = localizer.locate(image, guess)
+        if self._growing is not None and isinstance(answer, Estimate):
+            self._add(image, answer)
+        return answer
 
     def _grid_of(self, stamp_ns: int) -> MapGrid | None:
         """The latest grid that was told for a time, or the latest at all."""
@@ -367,6 +411,41 @@ class LocalizationNode(ManagedNode):
         self.health.set('last_std_deg', estimate.std_deg)
         self.health.info(str(estimate))
 
+    def _add(self, image: Image, estimate: Estimate) -> None:
+        """Add an image to the map, where it is sure enough."""
+        reason = self._growing.add(image, estimate)
+        if reason:
+            self.health.info(f'the image is not added to the map: {reason}')
+            return
+        self._localizer.looks = tuple(self._growing.looks)
+        self._added_ns = estimate.guess.last_ns
+        self.health.count('images_added')
+        self._set_unsaved(self._n_unsaved + 1)
+
+    def _set_unsaved(self, n: int) -> None:
+        self._n_unsaved = n
+        self.health.set('images_unsaved', n)
+
+    def _saved(self) -> str:
+        """Write the map with what was added; says so."""
+        if self._growing is None:
+            raise ValueError('map.update is false, or no map was read yet')
+        known = self._reference.passes
+        more = [Pass(self.NAME, look, self._added_ns)
+                for look in self._growing.looks[len(known):]]
+        names = self._map.write(dataclasses.replace(self._reference, passes=(*known, *more)))
+        n = self._n_unsaved
+        self._set_unsaved(0)
+        return f'{n} images more: wrote {", ".join(names)} in {self.parameters["map.folder"]}'
+
+    def _forget_map(self) -> None:
+        """Let go of the map, and of what was added to it."""
+        if self._n_unsaved:
+            self.health.warning(f'{self._n_unsaved} images that were added to the map are lost: '
+                                'save_map had not been called')
+        self._growing = None
+        self._set_unsaved(0)
+
     def _reject(self, text: str) -> None:
         self.health.count('images_rejected')
         self.health.tell(REJECTION, text)
@@ -382,7 +461,11 @@ class LocalizationNode(ManagedNode):
         """Read the map where it has come or changed."""
         before, reference = self._map.problem, self._map.look()
         if reference is not None:
-            self._localizer = self._of(reference)
+            self._forget_map()
+            self._localizer, self._reference = self._of(reference), reference
+            if self.parameters['map.update']:
+                self._growing = GrowingMap(reference.image, reference.seen, reference.resolution_m,
+                                           self._localizer.looks)
             grid = reference.image.grid
             self.health.info(f'map of {grid.n_x} x {grid.n_y} pixels of {grid.spacing_m:g} m from '
                              f'{len(reference.passes)} passes')

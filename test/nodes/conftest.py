@@ -42,7 +42,7 @@ from sar_imaging.tools.node_processes import (
 # Of every node, and those of type Trigger that only some have.
 SERVICES = {'change_state': ChangeState, 'get_state': GetState, 'set_parameters': SetParameters,
             'reset': Trigger}
-SOME = ('form_image', 'save_image', 'save_targets')
+SOME = ('form_image', 'save_image', 'save_map', 'save_targets')
 SETTLE_S = 0.5
 PATIENCE_S = 90.0  # a deadline for what should take a second: kernels may have to be compiled
 # Several, for maps that move on before they are looked at.

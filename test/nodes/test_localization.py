@@ -28,7 +28,12 @@ from msg_conversions.images import (
 from msg_conversions.planar_poses import UNKNOWN_VARIANCE
 from sar_imaging import Image, MapGrid
 from sar_imaging.exploitation.registration import LookDirection
-from sar_imaging.formats.reference_map import Pass, ReferenceMap, write_reference_map
+from sar_imaging.formats.reference_map import (
+    Pass,
+    ReferenceMap,
+    read_reference_map,
+    write_reference_map,
+)
 from sar_imaging.imaging.image import Report
 from sar_imaging.nodes import localization
 from sar_imaging.nodes.runtime.managed import AUTOSTART
@@ -51,12 +56,15 @@ class World:
         level = gaussian_filter(self.rng.standard_normal((300, 300)), 3.0)
         self.level = level / level.std()
 
-    def _image(self, grid, frame=(0.0, 0.0, 0.0), away_m=0.0):
+    def power(self, grid, frame=(0.0, 0.0, 0.0), away_m=0.0):
         x, y = np.meshgrid(grid.x_m, grid.y_m)
         c, s = math.cos(frame[2]), math.sin(frame[2])
         east, north = frame[0] + c * x - s * y + away_m, frame[1] + s * x + c * y
-        power = 10 ** (0.5 * map_coordinates(
+        return 10 ** (0.5 * map_coordinates(
             self.level, [149.5 - north / 0.5, east / 0.5 + 149.5], order=1, mode='grid-wrap'))
+
+    def _image(self, *where):
+        power = self.power(*where)
         speckle = self.rng.standard_normal((*power.shape, 2)).view(complex)[..., 0]
         return (np.sqrt(power / 2) * speckle).astype(np.complex64)
 
@@ -221,6 +229,49 @@ def test_a_node_that_is_restarted_or_deactivated_needs_two_images_again(start_no
     assert observer.trigger(f'{NAME}/reset') == (True, 'the estimates are forgotten')
     robot.image(13.0)
     observer.wait_for_counters(NAME, refused_unconfirmed=1, poses_published=1)
+
+
+def test_a_map_grows_by_images_that_are_sure_and_is_written_on_request(start_node, make_observer,
+                                                                       tmp_path):
+    world, place = World(), tmp_path / PLACE
+    world.write_map(place)
+    before = read_reference_map(place)
+    node = start_node(NAME, parameters(place, **{'map.update': True, 'height_std_m': 0.1}))
+    observer = make_observer()
+    robot = Robot(observer, world, node)
+    robot.drive(0.0, 8.0)
+    robot.image(1.0)
+    robot.image(2.6)  # confirms it, and is not added: two images may agree in being wrong
+    check(robot.poses(1)[0], 2.6)
+    node.wait_for_log(NAME, 'not added to the map: its place was not expected')
+    robot.image(4.0, away_m=55.0)
+    observer.wait_for_counters(NAME, refused_not_found=1, images_added=0)
+    robot.image(4.4)
+    check(robot.poses(2)[1], 4.4)
+    robot.image(5.8)
+    check(robot.poses(3)[2], 5.8)
+    observer.wait_for_counters(NAME, images_added=2, images_unsaved=2)
+
+    answer = observer.call(NAME, 'save_map')
+    assert answer.success and '2 images more: wrote amplitude.npy' in answer.message
+    observer.wait_for_counters(NAME, images_added=2, images_unsaved=0)
+    after = read_reference_map(place)
+    assert [p.name for p in after.passes] == ['monday', NAME]  # both images look from one side
+    # the radar looks from 2 m high and 10 m behind the middle, 30 degrees off the map's x
+    assert after.passes[1].look.azimuth_deg % 360 == pytest.approx(210.0, abs=1.0)
+    assert np.unique(after.seen).tolist() == [1, 2, 3]
+    # 60 m each, which moved by 5.6 m along one side
+    assert np.count_nonzero(after.seen == 3) == pytest.approx(54.4 * 60.0 / 0.5**2, rel=0.05)
+    alone = after.seen == 1
+    assert np.array_equal(after.image.samples[alone], before.image.samples[alone])
+
+    def scatter(reference):
+        """Variance of the logarithm of power, about the ground, where all passes saw it."""
+        power = np.square(reference.image.samples) / world.power(before.image.grid)
+        return np.var(np.log(power[after.seen == 3]))
+
+    # speckle of one look has 1.64, of three 0.39; interpolation makes it less, a wrong place more
+    assert scatter(before) == pytest.approx(1.64, rel=0.1) and scatter(after) < 0.45
 
 
 def test_maps_of_other_radars_and_damaged_ones_are_named(start_node, make_observer, tmp_path):

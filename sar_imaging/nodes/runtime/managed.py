@@ -12,6 +12,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterable
+from concurrent.futures import Future as Call
 
 import rclpy
 from rcl_interfaces.msg import SetParametersResult
@@ -28,6 +29,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.subscription import Subscription
+from rclpy.task import Future
 
 from sar_imaging.configuration.parameters import foreign
 
@@ -205,6 +207,18 @@ class ManagedNode(LifecycleNode):
         self.health.warning(
             f'no messages flow on {name}: a {other} another {policy} than the {side} of this '
             f'node; make both the same, here by the parameter {parameter}')
+
+    async def ended(self, call: Call) -> Call:
+        """A call in another thread, once it has ended."""
+        done = Future()
+
+        def finish(call):
+            done.set_result(call)
+            if self.executor is not None:
+                self.executor.wake()
+
+        call.add_done_callback(finish)
+        return await done
 
     def report_error(self, error: BaseException, what: str) -> None:
         """Count and log what should never happen."""

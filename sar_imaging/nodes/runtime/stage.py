@@ -13,13 +13,12 @@ import functools
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Future as Call, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.exceptions import NotInitializedException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.task import Future
 from std_msgs.msg import Float32MultiArray, UInt32
 from std_srvs.srv import Trigger
 
@@ -328,25 +327,13 @@ class Stage(ManagedNode):
                          ) -> tuple[bool, object]:
         if self._worker is None:
             return False, f'the node is {self.state}; activate it first'
-        call = await self._ended(self._worker.call(work))
+        call = await self.ended(self._worker.call(work))
         if call.cancelled():
             return False, 'the node was deactivated meanwhile'
         if call.exception() is not None:
             self._work_failed(call.exception())
             return False, f'{call.exception()}; see the log'
         return call.result()
-
-    async def _ended(self, call: Call) -> Call:
-        """A call in another thread, once it has ended."""
-        done = Future()
-
-        def finish(call):
-            done.set_result(call)
-            if self.executor is not None:
-                self.executor.wake()
-
-        call.add_done_callback(finish)
-        return await done
 
     async def _save(self, request, response):
         def prepare():
@@ -359,7 +346,7 @@ class Stage(ManagedNode):
         if not response.success:
             response.message = found
             return response
-        call = await self._ended(self._files.submit(found))
+        call = await self.ended(self._files.submit(found))
         error = call.exception()
         response.success = error is None
         response.message = call.result() if error is None else str(error)
