@@ -24,7 +24,9 @@ _FORMER = {'lit_image': 'weighed_image', 'lit_knot': 'amplitude_node'}
 
 @dataclasses.dataclass(frozen=True)
 class CostModel:
-    """Costs of the CPU backend's operations, nanoseconds of one thread; AVX-512 at about 3 GHz.
+    """Costs of the CPU backend's operations, nanoseconds of one thread.
+
+    Of a shared AMD EPYC (Zen 4), by `tools/costs` and whole images of 96² to 1024² pixels.
 
     Attributes
     ----------
@@ -57,41 +59,41 @@ class CostModel:
         Range profiles: of an echo, by the samples of its spectrum and positions of its range grid.
     beam_path, beam_run, image : float
         Of an echo and beam; of an echo, group of beams and run of bins; of an image, and in
-        addition of that of a sub-aperture. Nothing is chosen by these and the two before:
+        addition of that of a sub-aperture. AFBP chooses nothing by these and the two before:
         predicted times contain them.
     """
 
-    line_pixel: float = 0.25
-    line_segment: float = 7.5
-    point_pixel: float = 1.25
-    upsampled_pixel: float = 0.625
+    line_pixel: float = 0.5
+    line_segment: float = 8.5
+    point_pixel: float = 2.3
+    upsampled_pixel: float = 0.95
     upsampled_part: float = 1e5
     map_pixel: float = 3.0
     beam_bin: float = 0.018
     beam_group: float = 0.1044
-    beam_cell: float = 0.8
+    beam_cell: float = 3.0
     beam_pixel: float = 0.65
-    beam_segment: float = 51.25
+    beam_segment: float = 90.0
     weighed_image: float = 4.5e4
     amplitude_node: float = 70.0
     coarse_pixel: float = 1.75
     fine_pixel: float = 2.0
-    subaperture: float = 2.5e5
+    subaperture: float = 4.5e5
     part_coefficient: float = 0.03
     part_segment: float = 10.5
     summed_tap: float = 0.042
-    grouped_pixel: float = 2.1
-    grouped_tap: float = 0.18
-    group: float = 6e4
+    grouped_pixel: float = 2.4
+    grouped_tap: float = 0.2
+    group: float = 1.1e5
     merged_pixel: float = 0.8
-    merged_tap: float = 0.25
+    merged_tap: float = 0.7
     gathered_pixel: float = 6.5
     gathered_tap: float = 1.1
-    profile_bin: float = 3.0
-    profile_cell: float = 7.0
-    beam_path: float = 35.0
+    profile_bin: float = 8.0
+    profile_cell: float = 2.5
+    beam_path: float = 18.0
     beam_run: float = 25.0
-    image: float = 6e5
+    image: float = 6.5e5
 
     def __post_init__(self):
         for name, value in dataclasses.asdict(self).items():

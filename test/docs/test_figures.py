@@ -63,9 +63,10 @@ def _live():
 
 
 def _predictions():
-    for imager in _results('predictions')['imagers'].values():
-        assert not imager['exceeding'] and imager['above_prediction_db']['most'] <= 3.0
-    return {'predicted errors': ['no image more than 3 dB above']}
+    imagers = _results('predictions')['imagers'].values()
+    judged = sum(imager['above_prediction_db']['n'] for imager in imagers)
+    above = sum(len(imager['exceeding']) for imager in imagers)
+    return {'predicted errors': [f'{above} of {judged:,} images more than 3 dB above']}
 
 
 def _autofocus_flights():

@@ -23,8 +23,8 @@ def test_the_quickest_way_follows_the_costs(make_case):
                                 target_db=-80.0).report
         return report.plan.method
 
-    assert method() == 'lines'
-    assert method(line_pixel=100.0, point_pixel=1e6) == 'groups'
+    assert method() == 'groups'
+    assert method(group=1e8) == 'lines'
     assert method(line_pixel=1e3, part_coefficient=1e3) == 'points'
 
 

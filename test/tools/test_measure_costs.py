@@ -64,12 +64,12 @@ def test_times_of_known_costs_give_these_costs(timings):
 
 @pytest.mark.parametrize('name', dataclasses.asdict(DEFAULT))
 def test_a_cost_of_its_own_is_found(timings, name):
-    # Costs of one image are drawn together where times tell little of each: of the change two
-    # fifths come through for the worst, and all times are explained to 15 %.
+    # Costs of one image are drawn together where times tell little of each: of the change a
+    # quarter comes through for the worst, and all times are explained to 15 %.
     other = dataclasses.replace(DEFAULT, **{name: 4 * getattr(DEFAULT, name)})
     found, predicted = costs.solve(_as_if(timings, other))
     ratios = {n: getattr(found, n) / v for n, v in dataclasses.asdict(DEFAULT).items()}
-    assert ratios[name] > 1.6
+    assert ratios[name] > 1.4
     np.testing.assert_allclose(predicted, 1.0, atol=0.15)
 
 

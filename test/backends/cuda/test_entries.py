@@ -70,5 +70,5 @@ def test_every_cost_is_the_devices_own():
     methods = {n for n in theirs if n.startswith((  # not offered here
         'merged', 'gathered', 'part', 'summed', 'group'))}
     higher = {n for n in theirs if ours[n] >= theirs[n]}
-    assert higher == methods | {'beam_path', 'image', 'weighed_image', 'subaperture',
+    assert higher == methods | {'beam_path', 'image', 'weighed_image',
                                 'upsampled_part'}  # launches
