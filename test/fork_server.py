@@ -273,7 +273,8 @@ def run(module):
 
     Threads are waited for and what is to be done at exit is done. But the interpreter does not
     take itself to pieces then: it would write to all that it shares with the server, for which
-    the system would have to copy it first.
+    the system would have to copy it first. It does where DDS lives on, as after an interruption,
+    whose shared memory would stay behind.
     """
     try:
         runpy.run_module(module, run_name='__main__', alter_sys=True)
@@ -282,7 +283,7 @@ def run(module):
         if not isinstance(end.code, int):
             raise
         code = end.code
-    if 'PYTEST_WHOLE_END' in os.environ:
+    if 'PYTEST_WHOLE_END' in os.environ or node_processes._held_segments(os.getpid()):
         sys.exit(code)
     threading._shutdown()
     atexit._run_exitfuncs()
