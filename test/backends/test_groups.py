@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 
 import numba
 import numpy as np
@@ -17,7 +18,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from sar_imaging.backends.cpu.backprojection import Backprojection
-from sar_imaging.backends.cpu.groups import merge, part_weights
+from sar_imaging.backends.cpu.groups import merge, part_weights, quad_width
 from sar_imaging.backends.cpu.instructions import LANES
 from sar_imaging.backends.reference.correlation import correlate_spectra
 from sar_imaging.geometry import MapGrid
@@ -203,20 +204,23 @@ def test_threads_and_pieces_make_no_difference(monkeypatch):
         numba.set_num_threads(threads)
 
 
-@pytest.mark.parametrize(('taps', 'apart'), [(6, 0.2), (8, 0.3), (10, 0.9)])
+@pytest.mark.parametrize(('taps', 'apart'), [
+    (6, 0.2), (8, 0.3), (10, 0.9), (6, 1 / 3), (6, 1.0),
+    (8, 1.7), (6, 2.4)])  # lines of parts closer than those of the sum: weights were overrun
 def test_lines_of_parts_are_summed_as_the_formula_says(taps, apart):
     rng = np.random.default_rng(taps)
-    n_parts, n_lines, n_range, n_alpha = 3, 24, 32, 12
+    n_parts, n_range, n_alpha = 3, 32, 12
+    n_lines = math.ceil((n_alpha - 1) * apart) + taps + 3  # as planned, at least
     group = np.zeros(1, GROUP)
     group['alpha'], group['alpha_spacing'] = -0.11, 1e-2 * apart
-    group['coarse_spacing'], group['coarse'] = 1e-2, -0.11 - 5e-2
+    group['coarse_spacing'], group['coarse'] = 1e-2, -0.11 - taps // 2 * 1e-2
     group['n_alpha'], group['n_range'], group['n_coarse'] = n_alpha, n_range, n_lines
     found = design_interpolator(1.8, taps=taps, degree=5)
     frequency = rng.uniform(-300, 300, n_parts)
     images = (rng.standard_normal((n_parts, n_lines, n_range))
               + 1j * rng.standard_normal((n_parts, n_lines, n_range))).astype(np.complex64)
     alpha = -0.11 + 1e-2 * apart * np.arange(n_alpha)
-    v = (alpha + 0.16) / 1e-2
+    v = (alpha - group['coarse']) / 1e-2
     t, low = v - np.floor(v), np.floor(v).astype(int)
     weight = t[:, None] ** np.arange(6) @ found.weights
     read = images[:, low[:, None] + found.first + np.arange(taps)]  # (P, n_alpha, taps, n_range)
@@ -225,11 +229,12 @@ def test_lines_of_parts_are_summed_as_the_formula_says(taps, apart):
     assert low.min() + found.first >= 0
     parts = images.transpose(2, 0, 1).reshape(-1, LANES, n_parts, n_lines).transpose(0, 2, 3, 1)
     parts = np.ascontiguousarray(np.stack([parts.real, parts.imag], axis=3))
-    width = taps + (1 if 3 * apart < 1 else 4)
+    width = quad_width(taps, 1e-2 * apart, 1e-2)
     starts, weights = np.empty(3, np.int64), np.empty((3, width, 4), np.float32)
     phasors = np.empty((3, n_parts, 4, 2), np.float32)
     part_weights(group[0], frequency, found.first, found.weights.astype(float), starts, weights,
                  phasors)
+    assert starts.min() >= 0 and starts.max() + width <= n_lines
     total = np.empty((n_alpha, 2, n_range), np.float32)
     merge(parts.ctypes.data, n_lines, starts, weights.ctypes.data, (0,) * width,
           (phasors.ctypes.data, n_parts), total.ctypes.data, n_range)

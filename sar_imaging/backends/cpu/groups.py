@@ -453,6 +453,12 @@ def _form_segment(cells, degrees, tx, rx, repeats, part, frequency, lines, work,
                    lines.images.ctypes.data + place * _BLOCK_BYTES, step * _BLOCK_BYTES)
 
 
+def quad_width(n_taps: int, spacing: float, coarse_spacing: float) -> int:
+    """Lines of a part that four lines of a group read: few numbers, for each is compiled."""
+    apart = math.ceil((QUAD - 1) * spacing / coarse_spacing + 1e-9)
+    return n_taps + (1 if apart == 1 else max(apart, QUAD))
+
+
 @njit(error_model='numpy')
 def part_weights(group, frequency, first, interpolator, starts, weights, phasors):
     """How lines of parts become the lines of their group, four at a time.
@@ -465,18 +471,18 @@ def part_weights(group, frequency, first, interpolator, starts, weights, phasors
         Cycles per unit of direction of each part.
     first, interpolator : int, (degree + 1, taps) float64
         Of the interpolator between lines of parts.
-    starts, weights, phasors : (Q,) int64, (Q, taps and more, 4), (Q, P, 4, 2) float32
+    starts, weights, phasors : (Q,) int64, (Q, `quad_width`, 4), (Q, P, 4, 2) float32
         First line of the parts that four lines read, weights, and phasors of the parts; filled.
     """
-    n_taps = interpolator.shape[1]
+    n_taps, latest = interpolator.shape[1], np.int64(group.n_coarse) - weights.shape[1]
     weights[:] = 0.0
     for quad in range(len(starts)):
         for line in range(QUAD):
             alpha = group.alpha + group.alpha_spacing * (QUAD * quad + line)
             v = (alpha - group.coarse) / group.coarse_spacing
             low = np.floor(v)
-            if line == 0:
-                starts[quad] = np.int64(low) + first
+            if line == 0:  # what all four read lies within the lines of a part
+                starts[quad] = min(np.int64(low) + first, latest)
             shift, t = np.int64(low) + first - starts[quad], v - low
             for tap in range(n_taps):
                 w = 0.0
@@ -626,9 +632,8 @@ class _Map:
     def _merged(self, number: int, lines: PartLines) -> np.ndarray:
         """(n_alpha, 2, n_range) float32 sum of the parts, at baseband."""
         plan, group = self.plan, self.plan.groups[number]
-        n_quads, n_taps = int(group['n_alpha']) // QUAD, plan.parts.n_taps
-        apart = (QUAD - 1) * group['alpha_spacing'] / group['coarse_spacing']
-        width = n_taps + (1 if apart < 1 else QUAD)
+        n_quads = int(group['n_alpha']) // QUAD
+        width = quad_width(plan.parts.n_taps, group['alpha_spacing'], group['coarse_spacing'])
         starts = np.empty(n_quads, np.int64)
         weights = np.empty((n_quads, width, QUAD), np.float32)
         phasors = np.empty((n_quads, plan.n_parts, QUAD, 2), np.float32)
