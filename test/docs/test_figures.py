@@ -33,6 +33,12 @@ def _backprojection():
                       f'median {statistics.median(ratios):.1f}']}
 
 
+def _robots():
+    cases = _results('robots')['cases']
+    ratios = [cases[name]['exact, -60 dB']['times_fastsar'] for name in ('R1', 'R2', 'R3', 'R4')]
+    return {'what robots see': [f'{min(ratios):.0f} to {max(ratios):.0f} times']}
+
+
 def _afbp():
     [case] = [case for case in _results('afbp')['fastsar']
               if (case['range_m'], case['n_side'], case['n_pulses']) == (10_000.0, 4096, 4096)]
@@ -115,8 +121,8 @@ def _conversions():
 
 
 FIGURES = {name.removeprefix('_'): function for name, function in {
-    f.__name__: f for f in (_backprojection, _afbp, _gpu, _live, _predictions, _autofocus_flights,
-                            _mistakes, _obstacles, _exploitation, _conversions)}.items()}
+    f.__name__: f for f in (_backprojection, _robots, _afbp, _gpu, _live, _predictions,
+                            _autofocus_flights, _mistakes, _obstacles, _exploitation, _conversions)}.items()}
 # Pages that tell the same of a file, in these words.
 PAGES = {'afbp': ('benchmarks.md', ['0.23', '-66.5', '-60.3']),
          'backprojection': ('benchmarks.md', ['2.1 to 11, median 4.3']),
