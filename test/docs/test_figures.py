@@ -122,7 +122,8 @@ def _conversions():
 
 FIGURES = {name.removeprefix('_'): function for name, function in {
     f.__name__: f for f in (_backprojection, _robots, _afbp, _gpu, _live, _predictions,
-                            _autofocus_flights, _mistakes, _obstacles, _exploitation, _conversions)}.items()}
+                            _autofocus_flights, _mistakes, _obstacles, _exploitation,
+                            _conversions)}.items()}
 # Pages that tell the same of a file, in these words.
 PAGES = {'afbp': ('benchmarks.md', ['0.23', '-66.5', '-60.3']),
          'backprojection': ('benchmarks.md', ['2.1 to 11, median 4.3']),
