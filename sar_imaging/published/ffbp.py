@@ -196,7 +196,7 @@ class Ffbp(Method):
     def _interpolate(self, node, source, grid, target, layout, cycles_per_column) -> None:
         plan, frame = self.report.plan, self.report.plan.frame
         if isinstance(grid, MapGrid):
-            pixels = [grid.x_m[0], grid.y_m[0], grid.spacing_m, -grid.spacing_m]
+            pixels = [grid.x_m[0], grid.y_m[0], grid.spacing_m, -grid.spacing_m, *7 * [0.0]]
         else:
             pixels = [*grid.origin_m[:2], grid.height_m, *grid.track, *grid.across,
                       grid.range_start_m, grid.range_spacing_m, grid.alpha_start,
@@ -1579,10 +1579,10 @@ def add_to_grid(local, shape, geometry, grid, layout, weights_range, weights_alp
         range and spacing, metres; first direction cosine and spacing; cycles per metre of range.
         Last come the cycles per column that the image leaves out: 0, or for an image at range
         baseband the cycles per pixel.
-    grid : (4,) or (11,) float64
+    grid : (11,) float64
         Pixels of the image. Map: x and y of the first pixel, step of x by column and of y by row,
-        metres. Polar: origin x, y and its height above the plane, track x, y, its normal x, y,
-        first range and spacing, first direction cosine and spacing.
+        metres, and zeros. Polar: origin x, y and its height above the plane, track x, y, its
+        normal x, y, first range and spacing, first direction cosine and spacing.
     layout : (5,) int64
         Rows and columns of the image; steps of the index in `image` from row to row, from column
         to column, and from a real part to its imaginary part.
@@ -1613,7 +1613,7 @@ def add_to_grid(local, shape, geometry, grid, layout, weights_range, weights_alp
         for row in range(group * rows // n_groups, (group + 1) * rows // n_groups):
             for begin in range(0, columns, PIXELS):
                 count = np.uint64(min(PIXELS, columns - begin))
-                if len(grid) == 4:
+                if grid[10] == 0.0:  # of a map; the compiler may read all of it either way
                     for i in range(count):
                         x[at + i] = grid[0] + (begin + np.float64(i)) * grid[2] - ox
                         y[at + i] = grid[1] + row * grid[3] - oy

@@ -138,7 +138,7 @@ def test_local_images_are_added_to_any_grid(seed, kernel, n_x, n_y, polar_target
         points = beside.lines(beside.range_m, beside.alpha[:, None])[0]
     else:
         target = MapGrid((middle[0] + rng.random(), middle[1], 0.0), n_x, n_y, 0.23)
-        grid = [target.x_m[0], target.y_m[0], target.spacing_m, -target.spacing_m]
+        grid = [target.x_m[0], target.y_m[0], target.spacing_m, -target.spacing_m, *7 * [0.0]]
         points = target.points()
     geometry = np.array([*local.origin_m[:2], local.height_m, *local.track, local.range_start_m,
                          local.range_spacing_m, local.alpha_start, local.alpha_spacing,
