@@ -43,6 +43,7 @@ from sar_imaging.exploitation.registration import (
     register,
 )
 from sar_imaging.geometry.grids import MapGrid, PlaneGrid
+from sar_imaging.geometry.track import plane_rotation
 from sar_imaging.imaging.image import Image, Report
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.recordings import load
@@ -263,9 +264,8 @@ def _patch(rng, image: Image, side_m: float, most_m: float) -> tuple[Image, np.n
 
 def _estimate(image: Image, found: Registration) -> Estimate:
     """What a robot would be told that stands where the image's middle is."""
-    c, s = math.cos(found.rotation_rad), math.sin(found.rotation_rad)
     middle = found.pivot_m
-    frame = middle + found.translation_m - np.array([[c, -s], [s, c]]) @ middle
+    frame = middle + found.translation_m - plane_rotation(found.rotation_rad) @ middle
     pose = np.array([*(middle + found.translation_m), found.rotation_rad])
     return Estimate(pose, found.covariance, np.array([*frame, found.rotation_rad]),
                     Guess((*middle, 100.0), 0.0, 0.0, 0, 1), found, expected=True)

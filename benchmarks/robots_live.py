@@ -54,7 +54,7 @@ def live(scene: Scene) -> dict:
             with contextlib.suppress(TimeoutError):  # images that are missing are counted
                 system.wait(lambda n=count: len(system.images) >= n, 'images', _PATIENCE_S)
         busy = sum(sum(system.cpu_s()[n].values()) - sum(cpu[n].values()) for n in PIPELINE)
-        delays = [system.delay_s(image, (number(image, scene.prf_hz, per_aperture) + 1)
+        delays = [system.delay_s(image, (aperture_number(image, scene.prf_hz, per_aperture) + 1)
                                  * per_aperture - 1) for image in system.images]
         p50, p99 = np.percentile([1e3 * d for d in delays], [50, 99]) if delays else (None, None)
         return {'prf_hz': round(scene.prf_hz, 1), 'pulses_per_image': per_aperture,
@@ -64,8 +64,8 @@ def live(scene: Scene) -> dict:
                 'lost': system.losses()}
 
 
-def number(image: Received, prf_hz: float, per_aperture: int) -> int:
-    """Of the aperture whose image this is; `middle` counts pulses of the flight's frequency."""
+def aperture_number(image: Received, prf_hz: float, per_aperture: int) -> int:
+    """Which aperture an image is of; `middle` counts pulses of the flight's frequency."""
     return int(image.middle / PRF_HZ * prf_hz // per_aperture)
 
 

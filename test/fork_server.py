@@ -283,7 +283,7 @@ def run(module):
         if not isinstance(end.code, int):
             raise
         code = end.code
-    if 'PYTEST_WHOLE_END' in os.environ or node_processes._held_segments(os.getpid()):
+    if 'PYTEST_WHOLE_END' in os.environ or node_processes.held_segments(os.getpid()):
         sys.exit(code)
     threading._shutdown()
     atexit._run_exitfuncs()

@@ -325,8 +325,8 @@ class _Experiments:
                                                                    plan.grid.centre_m))
         light = Illumination.of_pulses(AntennaPattern(PatternCut.gaussian(_WIDE_RAD)),
                                        some.pointing, some.tx_m, some.rx_m)
-        lit = SubapertureAmplitudes(light, frozenset((0,)), None, 1.0, LEAST_DB)
-        stage = dataclasses.replace(plan.subapertures, amplitudes=lit)
+        amplitudes = SubapertureAmplitudes(light, frozenset((0,)), None, 1.0, LEAST_DB)
+        stage = dataclasses.replace(plan.subapertures, amplitudes=amplitudes)
         return self._image(beams, dataclasses.replace(plan, subapertures=stage), some)
 
     def _fusion(self, plan: AfbpPlan) -> Experiment:

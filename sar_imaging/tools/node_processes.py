@@ -293,7 +293,7 @@ class NodeProcesses:
             return self._kill(process)
 
     def _kill(self, process: subprocess.Popen) -> int:
-        segments = _held_segments(process.pid)
+        segments = held_segments(process.pid)
         process.kill()
         status = process.wait()
         for segment in segments:
@@ -321,7 +321,7 @@ class NodeProcesses:
         return '\n'.join(lines[-TAIL_LINES:])
 
 
-def _held_segments(pid: int) -> list[Path]:
+def held_segments(pid: int) -> list[Path]:
     """Shared memory of Fast DDS that belongs to a process, found by its open lock files."""
     segments = []
     with contextlib.suppress(OSError):  # it has ended by itself

@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 
 from msg_conversions.images import complex_from_message, map_metadata_from_message
 from sar_imaging.recordings import bag_io
-from sar_imaging.tools.node_processes import _held_segments, parameters_from_truth
+from sar_imaging.tools.node_processes import held_segments, parameters_from_truth
 
 from ... import fork_server
 
@@ -201,7 +201,7 @@ def test_the_end_while_blocks_and_a_service_wait(start_node, make_observer, psf,
     observer.wait_for('backprojection/progress', len(observer.messages['backprojection/progress'])
                       + 2)
     assert not answer.done()
-    segments = _held_segments(node.pid('backprojection'))
+    segments = held_segments(node.pid('backprojection'))
     assert segments
     if deactivated:
         assert observer.change_state('backprojection', 'deactivate')
