@@ -270,9 +270,6 @@ class ManagedNode(LifecycleNode):
     def destroy_node(self) -> None:
         """End the work, then destroy the node."""
         self._end()
-        # rclpy forgets it. With it the participant of DDS would live on, and leave its shared
-        # memory behind, 64 MB, where the process does not end as the interpreter does.
-        self._state_machine.destroy_when_not_in_use()
         super().destroy_node()
 
     def _transition(self, name: str, goal: str, work: Callable[[], None],
