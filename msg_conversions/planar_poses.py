@@ -1,6 +1,6 @@
 # Copyright 2026 SAR Imaging contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Convert poses in the plane, with their covariance, to geometry_msgs."""
+"""Convert poses of which a part is known, with its covariance, to geometry_msgs."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ from geometry_msgs.msg import (
 )
 from std_msgs.msg import Header
 
-UNKNOWN_VARIANCE = 1e6  # of what a planar pose does not tell, square metres and square radians
-_PLANAR = (0, 1, 5)  # x, y and yaw among x, y, z, roll, pitch, yaw
+UNKNOWN_VARIANCE = 1e6  # of what a pose does not tell, square metres and square radians
+PLANAR, POSITION = (0, 1, 5), (0, 1, 2)  # among x, y, z, roll, pitch, yaw
 
 
 def pose_to_message(position_m: Sequence[float], quaternion: Sequence[float],
-                    covariance: np.ndarray, header: Header) -> PoseWithCovarianceStamped:
-    """Write a pose of which x, y and heading are known.
+                    covariance: np.ndarray, header: Header,
+                    known: tuple[int, int, int] = PLANAR) -> PoseWithCovarianceStamped:
+    """Write a pose of which x, y and heading are known, or the position.
 
     Parameters
     ----------
@@ -35,14 +36,16 @@ def pose_to_message(position_m: Sequence[float], quaternion: Sequence[float],
     quaternion : (4,) floats
         x, y, z, w, from the body into the frame of the header.
     covariance : (3, 3) float64
-        Of x, y and heading: square metres, metres, square radians.
+        Of x, y and heading, or of x, y, z: square metres, metres, square radians.
     header : std_msgs.msg.Header
         Time and frame.
+    known : (3,) ints
+        `PLANAR` or `POSITION`.
 
     Returns
     -------
     geometry_msgs.msg.PoseWithCovarianceStamped
-        Height, roll and pitch have the variance `UNKNOWN_VARIANCE`.
+        What is not known has the variance `UNKNOWN_VARIANCE`.
 
     Raises
     ------
@@ -65,7 +68,7 @@ def pose_to_message(position_m: Sequence[float], quaternion: Sequence[float],
         raise ValueError(f'position {position_m}, quaternion {quaternion}, covariance '
                          f'{covariance.tolist()}; expected finite numbers and positive variances')
     whole = np.diag(np.full(6, UNKNOWN_VARIANCE))
-    whole[np.ix_(_PLANAR, _PLANAR)] = covariance
+    whole[np.ix_(known, known)] = covariance
     return PoseWithCovarianceStamped(header=header, pose=PoseWithCovariance(
         pose=Pose(position=Point(**_named('xyz', position_m)),
                   orientation=Quaternion(**_named('xyzw', quaternion))),

@@ -146,7 +146,7 @@ class Autofocus:
         if not margin > 0:
             raise ValueError(f'margin={margin}; a gain of contrast above 0 must be asked for')
         self.grid, self.scale_m, self._offset_reach_s = grid, scale_m, offset_reach_s
-        self._model = model or self._default_model
+        self.model = model or self._default_model
         self._imager = imager or self._backproject
         self._target_db, self._illumination, self._backend = target_db, illumination, backend
         self._progress, self._warned = progress, False
@@ -182,7 +182,7 @@ class Autofocus:
         if block.n_pulses < _FEWEST_PULSES:
             return self._as_it_was(block, image, f'{block.n_pulses} pulses are too few, at least '
                                    f'{_FEWEST_PULSES} are needed')
-        model, curve = self._model(block), None
+        model, curve = self.model(block), None
         if self._offset_reach_s:
             model, curve = self._try_offsets(block, model)
             if curve is not None and curve.visible_range_rad < _LEAST_VISIBLE_RAD:

@@ -29,6 +29,7 @@ from ..streaming.subapertures import LiveSubapertures
 from .antenna import PATTERN, PATTERN_PARAMETERS, pattern_from
 from .images import (
     autofocus,
+    corrected_pose,
     focus_watch,
     image_brightness,
     image_files,
@@ -36,7 +37,8 @@ from .images import (
     obstacle_products,
     volume_cloud,
 )
-from .images.autofocus import ImageFocus
+from .images.autofocus import POSITION_STD, ImageFocus
+from .images.corrected_pose import CorrectedPose
 from .images.focus_watch import FocusWatch, count_focus
 from .images.image_brightness import ImageBrightness
 from .images.image_files import ImageFiles
@@ -115,7 +117,7 @@ class BackprojectionStep(LiveStep):
                 'last_image_seconds', 'image_latency_seconds', 'last_plan_seconds',
                 'predicted_error_db', *focus_watch.COUNTERS,
                 *focus_watch.DIAGNOSIS_COUNTERS, *autofocus.COUNTERS,
-                *image_brightness.COUNTERS,
+                *corrected_pose.COUNTERS, *image_brightness.COUNTERS,
                 *obstacle_products.COUNTERS, *volume_cloud.COUNTERS)
     FAULTS = ('pulses_missing', 'pulses_late', 'pulses_duplicate', 'pulses_corrupt',
               'apertures_dropped', 'restarts', UNTAKEN, *image_brightness.FAULTS,
@@ -227,6 +229,7 @@ class ImageStep(BackprojectionStep):
         self._pulses = (PulseTracks(REMEMBERED * parameters['pulses_per_aperture'])
                         if self._positions is None else self._positions.pulses)
         self._obstacles: ObstacleProducts | None = None  # images on terrain have none
+        self._pose: CorrectedPose | None = None  # where its errors are told
         compile_beforehand('Backprojection')  # the first image must not wait for it
         if parameters['method'] != EXACT:
             compile_beforehand('SubapertureImager', 'SpectrumFusion')
@@ -238,6 +241,8 @@ class ImageStep(BackprojectionStep):
             self._obstacles = ObstacleProducts(node, self.parameters, self.health, self._datum)
         if self._positions is not None:
             self._positions.configure(node)
+        if self.parameters[POSITION_STD.name]:
+            self._pose = CorrectedPose(node, self.parameters, self.health, self._positions)
 
     def activate(self, node: ManagedNode) -> None:
         """Tell where the images will be; see `Step`."""
@@ -285,6 +290,8 @@ class ImageStep(BackprojectionStep):
                          f'{self._brightness.told}{details}')
         self.health.count('images_published')
         self._watch.judge(product.aperture, figure)
+        if self._pose is not None:
+            self._pose.publish(product)
 
     def describe(self, product: ApertureImage) -> str:
         """An image in words."""

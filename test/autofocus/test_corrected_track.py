@@ -85,3 +85,14 @@ def test_tracks_of_the_campaign_are_as_the_page_says():
     row = (f'| {claimed["at_most_a_third"]} | {claimed["nees"]} ({low} to {high}) |')
     assert row in PAGE.read_text()
     assert claimed['at_most_a_third'] == claimed['flights'] and low < claimed['nees'] < high
+
+
+def test_measured_tracks_are_as_the_page_says():
+    found = json.loads(RESULTS.with_name('gotcha_tracks.json').read_text())
+    for name in ('claimed', 'used'):
+        row = found['summary'][name]
+        before, after = row['sight_error_mm']
+        told = (f'| {name} | {row["tracks"]} of {found["summary"]["trials"]} | {before} mm | '
+                f'{after} mm | {row["std_mm"]} mm | {row["across_mm"]} mm | {row["nees"]} |')
+        assert told in PAGE.read_text()
+        assert after < before / 3 and row['worst'] < 3.3  # once in a thousand

@@ -7,24 +7,32 @@ from __future__ import annotations
 import collections
 import dataclasses
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from sar_imaging.autofocus.autofocus import N_PHASES, Autofocus
+from sar_imaging.autofocus.corrected_track import CorrectedTrack, corrected_track
 from sar_imaging.autofocus.evidence import LEAST_COHERENCE
 from sar_imaging.autofocus.live import BEYOND, compile_autofocus, live_autofocus
 from sar_imaging.autofocus.offset_search import BEYOND_S
 from sar_imaging.autofocus.phase_gradient import PhaseGradient
-from sar_imaging.autofocus.report import NOT_CHANGED, SHARPENED, AutofocusReport
+from sar_imaging.autofocus.report import (
+    NOT_CHANGED,
+    SHARPENED,
+    AutofocusReport,
+    AutofocusResult,
+)
 from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.planning.afbp.polar_grids import UnifiedPolarGrids
+from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.streaming.aperture import ApertureImage
 
 from ..antenna import pattern_from
 from ..poses.frame_datum import FrameDatum
 from ..poses.known_positions import KnownPositions
+from ..poses.pose_input import BLOCK
 from ..runtime.health import Health, Part
 from ..runtime.parameters import BACKEND, ConfigurationError, Parameter
 from .image_grid import TERRAIN_FILE
@@ -44,11 +52,16 @@ RESIDUAL_PHASES = Parameter(
 COHERENCE_LIMIT = Parameter(
     'autofocus.coherence_limit', LEAST_COHERENCE, 'Least coherence of the bright points with '
     'which residual phases are used.', '', 0.0, 1.0)
+POSITION_STD = Parameter(
+    'autofocus.position_std', 0.0, 'Standard deviation of the positions along each axis by what '
+    'no image shows, such as an error that all pulses share; corrected_pose is published where it '
+    'is told.', 'm', 0.0, 1e4)
 PHASE_GRADIENT = Parameter(
     'autofocus.phase_gradient', False, 'Look for errors of the positions that are a phase of each '
     'pulse, the same for the whole scene.')
 EXPECTED = (TRACK_ERROR, TIME_OFFSET)  # either of them switches autofocus on
-PARAMETERS = (*EXPECTED, RANGE_BIAS, RESIDUAL_PHASES, COHERENCE_LIMIT)
+BESIDE = (RANGE_BIAS, POSITION_STD)  # of no use without them
+PARAMETERS = (*EXPECTED, *BESIDE, RESIDUAL_PHASES, COHERENCE_LIMIT)
 FAILED = 'autofocus failed'  # verdict
 FIRST_PROGRESS_S, PROGRESS_S = 2.0, 5.0  # between lines that tell how far a search is
 # Of the last aperture, as keys of the diagnostics and fields of the report.
@@ -65,10 +78,14 @@ COUNTERS = ('autofocus_attempted', 'autofocus_accepted', 'autofocus_claimed', 'a
 
 
 class Note(NamedTuple):
-    """Whether an image was corrected, in few words, and what was done to it, in figures."""
+    """Whether an image was corrected, in few words, and what was done to it, in figures.
+
+    `track` computes the track that a focused image tells, where that is wanted.
+    """
 
     verdict: str
     details: str
+    track: Callable[[], CorrectedTrack] | None = None
 
 
 def tell(health: Health | Part, aperture: int, note: Note) -> None:
@@ -103,7 +120,8 @@ class ImageFocus:
     Attributes
     ----------
     positions : KnownPositions or None
-        Where the phase centres were; None where no offset of the clocks is looked for.
+        Where the phase centres were; None where neither an offset of the clocks is looked for nor
+        a pose of the body published.
     reach_s : float
         Largest offset of the clocks to try, seconds.
     """
@@ -112,9 +130,10 @@ class ImageFocus:
                  datum: FrameDatum | None = None):
         self._expected = {p.name: parameters[p.name] for p in EXPECTED if parameters[p.name]}
         if not self._expected:
+            given = next(p.name for p in BESIDE if parameters[p.name])
             raise ConfigurationError(
-                f'{RANGE_BIAS.name}={parameters[RANGE_BIAS.name]:g} is looked for beside an error '
-                f'of the track or the clock; set {TRACK_ERROR.name} or {TIME_OFFSET.name}, too')
+                f'{given}={parameters[given]:g} is of use beside an expected error of the track '
+                f'or the clock; set {TRACK_ERROR.name} or {TIME_OFFSET.name}, too')
         if parameters[TERRAIN_FILE.name]:
             raise ConfigurationError(
                 f'autofocus ({", ".join(self._expected)}) is not possible here: it works on a '
@@ -122,8 +141,9 @@ class ImageFocus:
         self._parameters, self._grid, self._health = parameters, grid, health
         self._illumination = pattern_from(parameters)
         self.reach_s = BEYOND * parameters[TIME_OFFSET.name]
+        told = parameters[POSITION_STD.name] and parameters['pose.source'] != BLOCK
         self.positions = (KnownPositions(parameters, health, datum, self.reach_s + BEYOND_S)
-                          if self.reach_s else None)
+                          if self.reach_s or told else None)
         self._waiting: collections.deque[ApertureImage] = collections.deque()
         compile_autofocus()  # the first image must not wait for it
 
@@ -131,7 +151,7 @@ class ImageFocus:
     def wanted(cls, parameters: Mapping[str, object], grid: MapGrid,
                health: Health | Part, datum: FrameDatum) -> ImageFocus | None:
         """Autofocus where the parameters expect an error, else None."""
-        asked = any(parameters[p.name] for p in (*EXPECTED, RANGE_BIAS))
+        asked = any(parameters[p.name] for p in (*EXPECTED, *BESIDE))
         return cls(parameters, grid, health, datum) if asked else None
 
     def summary(self) -> str:
@@ -156,7 +176,7 @@ class ImageFocus:
         """
         self._waiting.extend(images)
         done = []
-        while self._waiting and (final or self.positions is None
+        while self._waiting and (final or not self.reach_s
                                  or self.positions.suffices(self._waiting[0].pulses)):
             done.append(self._focused(self._waiting.popleft()))
         if self.positions is not None:
@@ -174,7 +194,8 @@ class ImageFocus:
         self._health.count('autofocus_attempted')
         began = time.perf_counter()
         try:
-            result = self._autofocus(product).process(product.pulses, product.image)
+            autofocus = self._autofocus(product)
+            result = autofocus.process(product.pulses, product.image)
         except (ValueError, MemoryError) as error:
             self._health.count('autofocus_failed')
             note = Note(FAILED, str(error))
@@ -192,12 +213,21 @@ class ImageFocus:
             f'{curve.offset_s[-1]:+.3g} s tried')
         details = (f'{report.details}, largest move {report.largest_move_m:.3g} m{tried}, '
                    f'{seconds:.3g} s')
-        return dataclasses.replace(product, image=result.image, pulses=None,
-                                   focus=Note(report.verdict, details))
+        return dataclasses.replace(
+            product, image=result.image, pulses=None,
+            focus=Note(report.verdict, details, self._track(autofocus, product.pulses, result)))
+
+    def _track(self, autofocus: Autofocus, pulses: PulseBlock, result: AutofocusResult
+               ) -> Callable[[], CorrectedTrack] | None:
+        """What computes the corrected track, where it is wanted and the focus is claimed."""
+        if not (self._parameters[POSITION_STD.name] and result.report.success):
+            return None
+        return lambda: corrected_track(result, autofocus.model(pulses), self._grid,
+                                       position_std_m=self._parameters[POSITION_STD.name])
 
     def _autofocus(self, product: ApertureImage) -> Autofocus:
         p, which = self._parameters, f'autofocus of aperture {product.aperture}'
-        track = None if self.positions is None else self.positions.around(product.pulses)
+        track = self.positions.around(product.pulses) if self.reach_s else None
         if self.reach_s:
             self._health.info(f'{which}: trying clock offsets of {-self.reach_s:g} to '
                               f'{self.reach_s:g} s')

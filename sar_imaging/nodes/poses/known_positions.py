@@ -7,10 +7,12 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 
+import numpy as np
+
 from sar_imaging.autofocus.track import PhaseCentreTrack
 from sar_imaging.exploitation.obstacles.aperture_view import PulseTracks
 from sar_imaging.geometry.alignment import Alignment
-from sar_imaging.geometry.poses import PoseTrack, PoseVerdict
+from sar_imaging.geometry.poses import PoseStatus, PoseTrack, PoseVerdict
 from sar_imaging.signal.pulses import PulseBlock
 
 from ..runtime.health import Health, Part
@@ -113,6 +115,40 @@ class KnownPositions:
         if first > pulses.stamp_ns[0]:
             near = [pulses]  # their time has been gone back to meanwhile
         return PhaseCentreTrack.of_pulses(near)
+
+    def body(self, stamp_ns: int, offset_s: float) -> tuple[np.ndarray, np.ndarray] | None:
+        """How the body is turned, and where its antenna is; None where pulses tell positions.
+
+        Parameters
+        ----------
+        stamp_ns : int
+            Time on the clock of the pulses, nanoseconds.
+        offset_s : float
+            What autofocus adds to it, seconds.
+
+        Returns
+        -------
+        quaternion : (4,) float64
+            x, y, z, w, from the body into the imaging frame.
+        arm_m : (3,) float64
+            From the body to the mean of the phase centres, imaging frame, metres.
+
+        Raises
+        ------
+        ValueError
+            No pose of that time is known.
+        """
+        if self._of_pulses:
+            return None
+        self._take_poses()
+        alignment = self._alignment
+        pose = self._poses.sample(np.array(
+            [stamp_ns + alignment.time_offset_ns + round(offset_s * 1e9)]), final=True)
+        if pose.status[0] != PoseStatus.READY:
+            raise ValueError(f'no pose is known of {stamp_ns * 1e-9:.3f} s by the clock of the '
+                             'pulses')
+        arms_m = (a.mean(axis=0) for a in (alignment.tx_m, alignment.rx_m))
+        return pose.attitude.as_quat()[0], pose.attitude[0].apply(0.5 * sum(arms_m))
 
     def _take_poses(self) -> None:
         if self._input is None:

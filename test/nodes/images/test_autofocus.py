@@ -7,13 +7,16 @@ import re
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
+from scipy.spatial.transform import Rotation
 from std_msgs.msg import Float32MultiArray
 
-from benchmarks.support.drone_flights import drone_flight
+from benchmarks.support.drone_flights import POSE_NOISE_M, drone_flight
 from benchmarks.support.references import exact_image
 from msg_conversions import pulse_block
 from msg_conversions.images import complex_from_message
+from msg_conversions.planar_poses import UNKNOWN_VARIANCE
 from msg_conversions.subaperture_wire import as_received
 from sar_imaging.autofocus.live import compile_autofocus
 from sar_imaging.backends import compile_beforehand
@@ -21,8 +24,10 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.geometry.poses import PoseTable
 from sar_imaging.nodes.backprojection import PARAMETERS, BackprojectionStep
 from sar_imaging.nodes.images import autofocus as nodes_autofocus
-from sar_imaging.nodes.images.autofocus import ImageFocus
+from sar_imaging.nodes.images.autofocus import ImageFocus, Note
+from sar_imaging.nodes.images.corrected_pose import CorrectedPose
 from sar_imaging.nodes.poses import known_positions
+from sar_imaging.nodes.poses.known_positions import KnownPositions
 from sar_imaging.nodes.runtime.parameters import ConfigurationError
 from sar_imaging.nodes.runtime.stage import COMMON_PARAMETERS
 from sar_imaging.nodes.sar_pipeline import SarPipelineNode
@@ -39,6 +44,7 @@ from sar_imaging.tools.node_processes import NODES, PIPELINE
 
 LENGTH = 128
 EXPECTED = {'autofocus.track_error': 0.05}
+GATE = 16.27  # chi-squared of three, exceeded once in a thousand
 
 
 def moved(block, offset_m):
@@ -77,6 +83,35 @@ def scaled_error_db(image, wanted):
     return error_db(np.vdot(image, wanted) / np.vdot(image, image) * image, wanted)
 
 
+def listen_to_poses(chain):
+    chain.observer.subscribe(PoseWithCovarianceStamped, 'corrected_pose')
+    chain.wait_for_log(chain.names[-1], 'subscriber on .*corrected_pose joined')
+
+
+def position_of(message):
+    """Stamp in nanoseconds, position (3,) and covariance (3, 3); nothing else is known."""
+    stamp, p = message.header.stamp, message.pose.pose.position
+    covariance = np.array(message.pose.covariance).reshape(6, 6)
+    assert (covariance[3:, 3:] == UNKNOWN_VARIANCE * np.eye(3)).all()
+    assert not covariance[:3, 3:].any() and not covariance[3:, :3].any()
+    return (stamp.sec * 10**9 + stamp.nanosec, np.array([p.x, p.y, p.z]), covariance[:3, :3])
+
+
+def check_along_sight(message, true, sight, wrong_m):
+    """The pose is right and known along the line of sight, where it had been wrong, alone."""
+    stamp_ns, position_m, covariance_m2 = position_of(message)
+    [at] = np.flatnonzero(true.stamp_ns == stamp_ns)
+    assert abs(at - LENGTH / 2) <= 1
+    error_m = position_m - true.tx_m[at, 0]
+    assert error_m @ np.linalg.solve(covariance_m2, error_m) < GATE
+    std_m, axes = np.linalg.eigh(covariance_m2)
+    std_m = np.sqrt(std_m)
+    # A radian of phase is 2.4 mm, what is expected without an image 50 mm times 1/2 to 5/8, of
+    # the second and the fourth polynomial in the middle.
+    assert abs(axes[:, 0] @ sight) > 0.999 and std_m[0] < 2e-3 and (std_m[1:] > 0.02).all()
+    assert abs(wrong_m[at, 0] @ sight) > 5 * std_m[0] or not wrong_m.any()
+
+
 def test_images_are_focused_and_the_report_tells(make_chain, case, truth, offset_m, compiled):
     rng = np.random.default_rng(0)
     noise = rng.standard_normal((2, *case.true.samples.shape))
@@ -86,8 +121,10 @@ def test_images_are_focused_and_the_report_tells(make_chain, case, truth, offset
         block, counter=block.counter + np.uint32(k * LENGTH),
         stamp_ns=block.stamp_ns + k * 10**10) for k, block in enumerate(apertures)]
     blocks = [block.select(slice(i, i + 32)) for block in later for i in range(0, LENGTH, 32)]
-    chain = make_chain(truth, names=PIPELINE, namespace='radar0', backprojection=EXPECTED)
+    chain = make_chain(truth, names=PIPELINE, namespace='radar0',
+                       backprojection=EXPECTED | {'autofocus.position_std': 1e-3})
     observer = chain.observer
+    listen_to_poses(chain)
     observer.subscribe(Float32MultiArray, 'range_profiles')
     chain.wait_for_log('sar_pipeline', 'subscriber on .*range_profiles joined')
     observer.send(blocks)
@@ -115,7 +152,11 @@ def test_images_are_focused_and_the_report_tells(make_chain, case, truth, offset
         chain.wait_for_log('sar_pipeline', re.escape(text))
     observer.wait_for_counters('radar0/sar_pipeline', 'backprojection', images_published=3,
                                autofocus_attempted=3, autofocus_accepted=1, autofocus_claimed=2,
-                               autofocus_failed=0)
+                               autofocus_failed=0, corrected_poses_published=2)
+    sight = case.true.tx_m[LENGTH // 2, 0] - case.grid.centre_m
+    for k, message in enumerate(observer.wait_for('corrected_pose', 2)):
+        true = dataclasses.replace(case.true, stamp_ns=later[k].stamp_ns)
+        check_along_sight(message, true, sight / np.linalg.norm(sight), (1 - k) * offset_m)
     observer.wait(lambda: observer.counters('radar0/sar_pipeline', 'backprojection')[
         'autofocus_contrast_before'] == pytest.approx(contrast(plain[2]), rel=1e-3),
         'contrast of the third image')
@@ -195,11 +236,12 @@ def test_a_clock_that_is_a_second_wrong_is_found_with_poses_from_odometry(make_c
         'spacing_m': grid.spacing_m}, 'alignment': flight.misaligned(1.0).as_dict()}
     chains = make_chains(*({
         'truth': truth, 'names': names, 'namespace': f'radar{number}',
-        'backprojection': {'autofocus.time_offset': 1.5}}
+        'backprojection': {'autofocus.time_offset': 1.5, 'autofocus.position_std': POSE_NOISE_M}}
         for number, names in enumerate((PIPELINE, NODES))))
     poses = PoseTable(flight.stamp_ns, flight.position_m, flight.quaternion)
     images = []
     for chain in chains:
+        listen_to_poses(chain)
         node = chain.observer.node
         publisher = node.create_publisher(Odometry, 'odometry', 2000)
         # two subscribers: pulse_buffer's positions and backprojection's autofocus
@@ -221,6 +263,28 @@ def test_a_clock_that_is_a_second_wrong_is_found_with_poses_from_odometry(make_c
     found = chains[0].observer.counters('radar0/sar_pipeline', 'backprojection')
     # what 0.01 s is seen as at 0.5 m/s of changing speed: 0.8 rad at most
     assert found['autofocus_time_offset_s'] == pytest.approx(-1.0, abs=0.01)
+    poses = [chain.observer.wait_for('corrected_pose', 1)[0] for chain in chains]
+    assert poses[0] == poses[1] and len(chains[0].observer.messages['corrected_pose']) == 1
+    check_time_is_right(poses[0], flight)
+
+
+def check_time_is_right(message, flight):
+    """The pose is that of the drone at its stamp, less well known along the motion."""
+    stamp_ns, position_m, covariance_m2 = position_of(message)
+    flown_s = (flight.stamp_ns - stamp_ns) * 1e-9 - flight.alignment.time_offset_s
+    near = np.abs(flown_s) < 0.1  # where a parabola halves the noise of the poses
+    _, velocity, true_m = np.polyfit(flown_s[near], flight.position_m[near], 2)
+    error_m = position_m - true_m
+    assert error_m @ np.linalg.solve(covariance_m2, error_m) < GATE
+    assert 1.0 * np.linalg.norm(velocity) > 100 * np.linalg.norm(error_m)  # with the wrong clock
+    along = covariance_m2 - POSE_NOISE_M**2 * np.eye(3)
+    along_m2 = velocity @ along @ velocity / (velocity @ velocity)
+    # Noise of poses turns a velocity from 10 ms of them by some degrees, squared a hundredth.
+    assert along_m2 == pytest.approx(np.trace(along), rel=0.03) and along_m2 > 0
+    q = message.pose.pose.orientation
+    # 5 ms to the nearest pose at less than 60 degrees a second
+    turned = np.abs(flight.quaternion[np.argmin(np.abs(flown_s))] @ [q.x, q.y, q.z, q.w])
+    assert turned > np.cos(np.radians(0.15))
 
 
 @pytest.mark.parametrize('changes', [
@@ -239,8 +303,10 @@ def test_phase_gradient_needs_whole_fused_images(changes):
     ({'terrain.file': 'hill.npz'}, r'autofocus \(autofocus.time_offset\) is not possible here: '
      'it works on a plane; leave terrain.file empty'),
     ({'autofocus.time_offset': 0.0, 'autofocus.range_bias': 0.1}, 'autofocus.range_bias=0.1 is '
-     'looked for beside an error of the track or the clock; set autofocus.track_error or '
-     'autofocus.time_offset, too')])
+     'of use beside an expected error of the track or the clock; set autofocus.track_error or '
+     'autofocus.time_offset, too'),
+    ({'autofocus.time_offset': 0.0, 'autofocus.position_std': 0.1}, 'autofocus.position_std=0.1 '
+     'is of use beside ')])
 def test_what_cannot_be_focused_is_refused(changes, reason):
     parameters = {p.name: p.default for p in (*PARAMETERS, *COMMON_PARAMETERS)}
     parameters |= {'autofocus.time_offset': 0.1} | changes
@@ -286,6 +352,50 @@ def test_controls_reach_autofocus(case, monkeypatch):
     assert seen == {'track_error_m': 0.05, 'time_offset_s': 0.0, 'range_bias_m': 0.2,
                     'track': None, 'target_db': -80.0, 'n_phases': 0, 'least_coherence': 0.6,
                     'illumination': None, 'backend': 'auto'}
+
+
+class Output:
+    """A node whose outputs have a subscriber."""
+
+    def __init__(self):
+        self.published = []
+
+    def create_output(self, *arguments):
+        return self
+
+    def get_subscription_count(self):
+        return 1
+
+    def publish(self, message):
+        self.published.append(message)
+
+
+def fails():
+    raise ValueError('1 bright points do not tell 4 unknowns')
+
+
+def test_poses_that_are_not_told_are_not_published(case):
+    output, log = Output(), Log()
+    focused = dataclasses.replace(product(case.true, 7), focus=Note('focused', '', fails))
+    poses = CorrectedPose(output, {'antenna.offset_s': [0.0], 'frame_id': 'odom'}, log, None)
+    poses.publish(focused)
+    assert log.lines == ['no corrected pose of aperture 7: 1 bright points do not tell 4 unknowns']
+    poses.publish(dataclasses.replace(focused, focus=Note('not changed', '')))
+    assert not output.published
+
+
+def test_the_body_is_told_by_the_pose_of_the_time_found(flight):
+    parameters = {p.name: p.default for p in (*PARAMETERS, *COMMON_PARAMETERS)}
+    known = KnownPositions(parameters | {'pose.source': 'odometry'}, Log(), None, 1.0)
+    known._alignment, known._poses = flight.misaligned(0.5), flight.track()
+    at = 400  # poses from now
+    stamp_ns = int(flight.stamp_ns[at]) - round(1e9 * flight.alignment.time_offset_s)
+    quaternion, arm_m = known.body(stamp_ns, -0.5)
+    turned = Rotation.from_quat(flight.quaternion[at])
+    assert abs(quaternion @ flight.quaternion[at]) == pytest.approx(1.0, abs=1e-12)
+    assert arm_m == pytest.approx(turned.apply(flight.alignment.tx_m[0]), abs=1e-9)
+    with pytest.raises(ValueError, match='no pose is known of'):
+        known.body(stamp_ns, 100.0)
 
 
 class FailingAutofocus:
