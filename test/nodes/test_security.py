@@ -37,7 +37,7 @@ POSES = [{'pose.source': 'odometry', 'datum.source': 'fix'}, {'pose.source': 'po
 SUBAPERTURES = {'mode': 'subapertures'}
 VOLUME = {'mode': 'volume', 'volume.height': 1.0}
 STRIP = {'strip_max_pixels': 1000, 'datum.source': 'fix'}
-FOCUS = {'autofocus.time_offset': 1.0}
+FOCUS = {'autofocus.time_offset': 1.0, 'autofocus.position_std': 0.1}
 NODES = {PulseBufferNode: POSES,
          RangeCompressionNode: [{}],
          BackprojectionNode: [SUBAPERTURES, VOLUME, *(FOCUS | poses for poses in POSES)],
@@ -45,7 +45,7 @@ NODES = {PulseBufferNode: POSES,
          MovingTargetsNode: [{'datum.source': 'fix'}],
          LocalizationNode: [{'map.folder': 'place', 'pose.source': source}
                             for source in ('odometry', 'pose')],
-         SarPipelineNode: [POSES[0], POSES[1] | SUBAPERTURES | STRIP, POSES[2], VOLUME]}
+         SarPipelineNode: [POSES[0] | FOCUS, POSES[1] | SUBAPERTURES | STRIP, POSES[2], VOLUME]}
 
 
 def rules(profile):
