@@ -6,8 +6,8 @@ A node loads rclpy, SciPy and Numba for a second, and the tests start hundreds. 
 loads them once; each node is a fork of it and a process like any other: with its own number,
 environment, session and log, its own participant of DDS, ended by signals, by itself or by force.
 It finds the kernels loaded that any process has compiled so far.
-It ends without the interpreter's own end, half of the processor time of a small node, unless its
-environment has PYTEST_WHOLE_END.
+It ends without the interpreter's own end, half of the processor time of a small node. That end is
+not safe in a fork: lttng cancels threads that the fork does not have.
 Nodes whose environment tells the libraries something else are started as users start them.
 """
 
@@ -273,8 +273,7 @@ def run(module):
 
     Threads are waited for and what is to be done at exit is done. But the interpreter does not
     take itself to pieces then: it would write to all that it shares with the server, for which
-    the system would have to copy it first. It does where DDS lives on, as after an interruption,
-    whose shared memory would stay behind.
+    the system would have to copy it first.
     """
     try:
         runpy.run_module(module, run_name='__main__', alter_sys=True)
@@ -283,8 +282,6 @@ def run(module):
         if not isinstance(end.code, int):
             raise
         code = end.code
-    if 'PYTEST_WHOLE_END' in os.environ or node_processes.held_segments(os.getpid()):
-        sys.exit(code)
     threading._shutdown()
     atexit._run_exitfuncs()
     sys.stdout.flush()

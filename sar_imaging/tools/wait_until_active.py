@@ -33,6 +33,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns the exit status."""
     import rclpy
     from rclpy.executors import ExternalShutdownException
+    from rclpy.signals import uninstall_signal_handlers
     from rclpy.utilities import remove_ros_args
 
     arguments = sys.argv if argv is None else ['wait_until_active', *argv]
@@ -43,6 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (KeyboardInterrupt, ExternalShutdownException):
         return 130
     finally:
+        uninstall_signal_handlers()  # before what its thread wakes is destroyed
         rclpy.try_shutdown()
 
 

@@ -77,8 +77,8 @@ def ros_environment(tmp_path_factory):
 
 @pytest.fixture
 def whole_end(ros_environment, monkeypatch):
-    """Nodes end as the interpreter does, which forks of the tests leave out."""
-    monkeypatch.setitem(ros_environment, 'PYTEST_WHOLE_END', '1')
+    """Nodes are started as users start them; forks have no end of the interpreter."""
+    monkeypatch.setitem(ros_environment, 'NOT_FORKED', '1')
 
 
 def wait(condition, what, *, describe=lambda: '', work=lambda: time.sleep(0.02),

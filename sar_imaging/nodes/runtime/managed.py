@@ -28,6 +28,7 @@ from rclpy.logging import get_logger
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
+from rclpy.signals import uninstall_signal_handlers
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 
@@ -270,6 +271,9 @@ class ManagedNode(LifecycleNode):
     def destroy_node(self) -> None:
         """End the work, then destroy the node."""
         self._end()
+        # rclpy forgets it. With it the participant of DDS would live on, and leave a name in the
+        # graph and 64 MB of shared memory behind where the process does not wait for its threads.
+        self._state_machine.destroy_when_not_in_use()
         super().destroy_node()
 
     def _transition(self, name: str, goal: str, work: Callable[[], None],
@@ -350,13 +354,17 @@ def run(node_class: type[ManagedNode], args: list[str] | None = None) -> int:
         if rclpy.ok():
             raise  # otherwise rclpy complains about the context that Ctrl-C has just shut down
     finally:
+        # It waits for the thread in which rclpy wakes executors at a signal: that thread would
+        # touch what is destroyed here, and the process end as a crash does. Another signal would
+        # look like one, too.
+        uninstall_signal_handlers()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
         if executor is not None:
             executor.shutdown(timeout_sec=0.0)  # a service may wait for the worker, in vain
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
-        # rclpy has put the default back: another Ctrl-C would look like a crash from here on.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
     if node is not None and (node.works_on or works_aside()):
         os._exit(0)  # the interpreter would wait for that thread
     return 0

@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 
 from msg_conversions.images import complex_from_message, map_metadata_from_message
 from sar_imaging.recordings import bag_io
-from sar_imaging.tools.node_processes import parameters_from_truth
+from sar_imaging.tools.node_processes import held_segments, parameters_from_truth
 
 from ... import fork_server
 
@@ -201,6 +201,8 @@ def test_the_end_while_blocks_and_a_service_wait(start_node, make_observer, psf,
     observer.wait_for('backprojection/progress', len(observer.messages['backprojection/progress'])
                       + 2)
     assert not answer.done()
+    segments = held_segments(node.pid('backprojection'))
+    assert sum(segment.stat().st_size for segment in segments) > 64 * 2**20
     if deactivated:
         assert observer.change_state('backprojection', 'deactivate')
         observer.wait(answer.done, 'the answer')
@@ -210,6 +212,7 @@ def test_the_end_while_blocks_and_a_service_wait(start_node, make_observer, psf,
     assert node.exit_code('backprojection') == 0, node.log('backprojection')
     assert 'image of aperture 3' not in node.log('backprojection')
     assert 'Traceback' not in node.log('backprojection')
+    assert not [segment for segment in segments if segment.exists()]
 
 
 IMPOSSIBLE = [
