@@ -12,6 +12,7 @@ import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from msg_conversions.planar_poses import POSITION, pose_to_message
+from sar_imaging.autofocus.models import OFFSET
 from sar_imaging.streaming.aperture import ApertureImage
 
 from ..poses.known_positions import KnownPositions
@@ -54,7 +55,7 @@ class CorrectedPose:
             track = product.focus.track()
             middle = int(np.argmin(np.abs(track.stamp_ns - product.stamp_ns)))
             stamp_ns = int(track.stamp_ns[middle])
-            quaternion, arm_m = self._body(stamp_ns, track.parameters.get('time_offset_s', 0.0))
+            quaternion, arm_m = self._body(stamp_ns, track.parameters.get(OFFSET, 0.0))
         except ValueError as error:
             self._health.info(f'no corrected pose of aperture {product.aperture}: {error}')
             return

@@ -432,6 +432,14 @@ def test_an_image_waits_for_the_pulses_behind_its_aperture(case, monkeypatch):
     assert focus.discard() == LENGTH and focus.take([], final=True) == []
 
 
+def test_poses_of_the_body_are_known_and_not_waited_for(case, monkeypatch):
+    focus = image_focus(**EXPECTED, **{'autofocus.position_std': 0.01,
+                                       'pose.source': 'odometry'})
+    monkeypatch.setattr(focus, '_focused', lambda image: image.aperture)
+    assert focus.take([product(case.true, 3)]) == [3] and focus.positions is not None
+    assert image_focus(**EXPECTED, **{'autofocus.position_std': 0.01}).positions is None
+
+
 def test_times_that_go_back_begin_another_track(case):
     focus = image_focus(**{'autofocus.time_offset': 0.4})
     for _ in range(2):
