@@ -82,8 +82,9 @@ def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
         repeats[1:, 0] = (tx[1:] == tx[:-1]).all(axis=1)
         repeats[:, 1] = (tx == rx).all(axis=1)
         planes = profiles.planes(samples[echoes])
-        shape = (planes.shape[0], planes.shape[1], planes.shape[3])
-        some = LineProfiles(planes.reshape(-1), shape, profiles.range_at(segment),
+        n_echoes, n_phases, _, n_cells = planes.shape
+        some = LineProfiles(planes.reshape(-1), n_echoes, n_phases, n_cells,
+                            profiles.range_at(segment),
                             resampling.step_m, profiles.cycles_per_step,
                             profiles.cycles_at(segment))
         for number, (lines, layout) in enumerate(layers):
@@ -98,7 +99,7 @@ class LineProfiles(NamedTuple):
     ----------
     planes : (R * D * 10 * n,) float32
         Coefficients of `Profiles.planes`.
-    shape : three of int
+    n_echoes, n_phases, n_cells : int
         Echoes R, places D of positions within a cell, and cells n.
     range_zero_m, step_m : float
         Half path at the first position after a segment of zeros, and from position to position.
@@ -107,7 +108,9 @@ class LineProfiles(NamedTuple):
     """
 
     planes: np.ndarray
-    shape: tuple[int, int, int]
+    n_echoes: int
+    n_phases: int
+    n_cells: int
     range_zero_m: float
     step_m: float
     cycles_per_step: float
@@ -179,140 +182,144 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
     is its transmitter. `index` counts the pixels of a segment from its middle. `illumination` is
     what `TileAmplitudes.amplitudes` gives, or None where all pixels are illuminated alike.
 
-    Numba tells the compiler that the arrays of a parallel loop do not overlap only while the loop
-    takes no view of one and has no boolean variable (which it counts as a view); without that,
-    tests for overlap before each short loop double the time. `numba.config.DEBUG_ARRAY_OPT`
-    prints 'No aliases found' when all is well.
+    What the loop does is a function of its own, which Numba compiles once: it would treat the
+    body of a parallel loop twice.
     """
-    planes, shape, range_zero, step, cycles_per_step, cycles_zero = profiles
+    for task in numba.prange(len(work.base)):
+        _add_task(np.int64(task), profiles, tx, rx, repeats, lines, ramp, image, layout, index,
+                  work, illumination)
+
+
+@njit(distinct=True)
+def _add_task(task, profiles, tx, rx, repeats, lines, ramp, image, layout, index, work,
+              illumination):
+    planes, n_echoes, n_phases, n_cells, range_zero, step, cycles_per_step, cycles_zero = profiles
     work_re, work_im, paths, coefficients, base = work
     if illumination is not None:
         illuminated, any_illuminated, amplitude, node, between = illumination
-    n_echoes, n_phases, n_cells = shape
     segment = len(index)
     n_lines, n_pixels, after = layout[0], len(ramp) // 2, np.uint64(len(ramp) // 2)
     half, middle = segment // 2, n_echoes // 2
     # Unsigned indices spare the compiler the test for negative ones, which stops vectorisation.
     p = np.uint64(n_cells)
     inverse_step, inverse_phases = 1.0 / step, 1.0 / n_phases
-    n_groups, n_tasks = lines.shape[0], base.shape[0]
+    n_groups = lines.shape[0]
     n_pieces = n_groups * lines.shape[1]
-    for task in numba.prange(n_tasks):
-        # Neighbouring groups of lines read the same part of the profiles, so they come in turn.
-        for piece in range(task * n_pieces // n_tasks, (task + 1) * n_pieces // n_tasks):
-            number, group = piece // n_groups, piece % n_groups
-            latest = -1
+    # Neighbouring groups of lines read the same part of the profiles, so they come in turn.
+    for piece in range(task * n_pieces // len(base), (task + 1) * n_pieces // len(base)):
+        number, group = piece // n_groups, piece % n_groups
+        latest = -1
+        if illumination is not None:
+            if any_illuminated[piece % n_groups, piece // n_groups] == 0:
+                continue
+        count = min(LINES, n_lines - group * LINES)
+        some = np.uint64(min(segment, n_pixels - number * segment))
+        # whole vectors: what is left of one would be added pixel by pixel
+        length = np.uint64(min(segment, (np.int64(some) + _VECTOR - 1) // _VECTOR * _VECTOR))
+        for i in range(task * LINES * segment, (task + 1) * LINES * segment):
+            work_re[i] = 0.0
+            work_im[i] = 0.0
+        shared = (number * segment + half) * float(n_phases)
+        # Echoes are near each other: what their phases have in common comes last.
+        _line_paths(lines, group, number, tx, middle, paths, task, 0)
+        _line_paths(lines, group, number, rx, middle, paths, task, 4)
+        _line_fourths(lines, group, number, tx, middle, paths, task, 0, 11)
+        _line_fourths(lines, group, number, rx, middle, paths, task, 4, 12)
+        for j in range(LINES):
+            k1, k2, k3 = _drift(paths, task, j, 4, inverse_step, n_phases)
+            paths[task, 8, j], paths[task, 9, j], paths[task, 10, j] = k1, k2, k3
+        for echo in range(n_echoes):
+            # Channels often share their transmitter, and radars with one antenna both.
+            same = repeats[echo, 0]
             if illumination is not None:
-                if any_illuminated[piece % n_groups, piece // n_groups] == 0:
+                if illuminated[echo, group, number] == 0:
                     continue
-            count = min(LINES, n_lines - group * LINES)
-            some = np.uint64(min(segment, n_pixels - number * segment))
-            # whole vectors: what is left of one would be added pixel by pixel
-            length = np.uint64(min(segment, (np.int64(some) + _VECTOR - 1) // _VECTOR * _VECTOR))
-            for i in range(task * LINES * segment, (task + 1) * LINES * segment):
-                work_re[i] = 0.0
-                work_im[i] = 0.0
-            shared = (number * segment + half) * float(n_phases)
-            # Echoes are near each other: what their phases have in common comes last.
-            _line_paths(lines, group, number, tx, middle, paths, task, 0)
-            _line_paths(lines, group, number, rx, middle, paths, task, 4)
-            _line_fourths(lines, group, number, tx, middle, paths, task, 0, 11)
-            _line_fourths(lines, group, number, rx, middle, paths, task, 4, 12)
+                if latest != echo - 1:
+                    same = 0
+                latest = echo
+            if same == 0:
+                _line_paths(lines, group, number, tx, echo, paths, task, 0)
+            other = 0
+            if repeats[echo, 1] == 0:
+                other = 4
+                _line_paths(lines, group, number, rx, echo, paths, task, 4)
             for j in range(LINES):
-                k1, k2, k3 = _drift(paths, task, j, 4, inverse_step, n_phases)
-                paths[task, 8, j], paths[task, 9, j], paths[task, 10, j] = k1, k2, k3
-            for echo in range(n_echoes):
-                # Channels often share their transmitter, and radars with one antenna both.
-                same = repeats[echo, 0]
-                if illumination is not None:
-                    if illuminated[echo, group, number] == 0:
-                        continue
-                    if latest != echo - 1:
-                        same = 0
-                    latest = echo
-                if same == 0:
-                    _line_paths(lines, group, number, tx, echo, paths, task, 0)
-                other = 0
-                if repeats[echo, 1] == 0:
-                    other = 4
-                    _line_paths(lines, group, number, rx, echo, paths, task, 4)
-                for j in range(LINES):
-                    v = (0.5 * (paths[task, 0, j] + paths[task, other, j])
-                         - range_zero) * inverse_step
-                    n = np.floor(v)
-                    cell = np.floor((n + 0.5) * inverse_phases)
-                    phase = n - cell * n_phases
-                    coefficients[task, 0, j] = v - n
-                    k1, k2, k3 = _drift(paths, task, j, other, inverse_step, n_phases)
-                    _store_drift(coefficients, paths, task, j, half, cycles_per_step, k1, k2, k3)
-                    coefficients[task, 4, j] = fraction(
-                        cycles_per_step * (v - shared) + cycles_zero)
-                    # A segment outside the profile reads padding only.
-                    cell = min(max(cell, -1.0 * half), n_cells - 2.0 * segment + half)
-                    base[task, j] = np.int64(phase * (1.0 * _PLANES) * n_cells + cell + half)
-                for j in range(LINES):
-                    _expand_phasor(coefficients, task, j, half)
-                if illumination is not None:
-                    _weigh_phasors(coefficients, task, half, amplitude, echo, group, number, node,
-                                   between)
-                offset = echo * n_phases * _PLANES * n_cells
-                for j in range(count):
-                    if illumination is not None:
-                        if coefficients[task, 14, j] == 0.0:
-                            continue
-                    k0, k1 = coefficients[task, 0, j], coefficients[task, 1, j]
-                    k2, k3 = coefficients[task, 2, j], coefficients[task, 3, j]
-                    k4, k5 = coefficients[task, 4, j], coefficients[task, 5, j]
-                    k6, k7 = coefficients[task, 6, j], coefficients[task, 7, j]
-                    k8, k9 = coefficients[task, 8, j], coefficients[task, 9, j]
-                    k10 = coefficients[task, 10, j]
-                    r0 = np.uint64(base[task, j] + offset)
-                    r1 = r0 + p
-                    r2 = r1 + p
-                    r3 = r2 + p
-                    r4 = r3 + p
-                    i0 = r4 + p
-                    i1 = i0 + p
-                    i2 = i1 + p
-                    i3 = i2 + p
-                    i4 = i3 + p
-                    w = np.uint64((task * LINES + j) * segment)
-                    for i in range(length):
-                        f = index[i]
-                        t = k0 + f * (k1 + f * k2)
-                        cosine = k3 + f * (k5 + f * (k7 + f * k9))
-                        sine = k4 + f * (k6 + f * (k8 + f * k10))
-                        re = planes[r0 + i] + t * (planes[r1 + i] + t * (
-                            planes[r2 + i] + t * (planes[r3 + i] + t * planes[r4 + i])))
-                        im = planes[i0 + i] + t * (planes[i1 + i] + t * (
-                            planes[i2 + i] + t * (planes[i3 + i] + t * planes[i4 + i])))
-                        work_re[w + i] += re * cosine - im * sine
-                        work_im[w + i] += re * sine + im * cosine
+                v = (0.5 * (paths[task, 0, j] + paths[task, other, j])
+                     - range_zero) * inverse_step
+                n = np.floor(v)
+                cell = np.floor((n + 0.5) * inverse_phases)
+                phase = n - cell * n_phases
+                coefficients[task, 0, j] = v - n
+                k1, k2, k3 = _drift(paths, task, j, other, inverse_step, n_phases)
+                _store_drift(coefficients, paths, task, j, half, cycles_per_step, k1, k2, k3)
+                coefficients[task, 4, j] = fraction(
+                    cycles_per_step * (v - shared) + cycles_zero)
+                # A segment outside the profile reads padding only.
+                cell = min(max(cell, -1.0 * half), n_cells - 2.0 * segment + half)
+                base[task, j] = np.int64(phase * (1.0 * _PLANES) * n_cells + cell + half)
+            for j in range(LINES):
+                _expand_phasor(coefficients, task, j, half)
+            if illumination is not None:
+                _weigh_phasors(coefficients, task, half, amplitude, echo, group, number, node,
+                               between)
+            offset = echo * n_phases * _PLANES * n_cells
             for j in range(count):
+                if illumination is not None:
+                    if coefficients[task, 14, j] == 0.0:
+                        continue
+                k0, k1 = coefficients[task, 0, j], coefficients[task, 1, j]
+                k2, k3 = coefficients[task, 2, j], coefficients[task, 3, j]
+                k4, k5 = coefficients[task, 4, j], coefficients[task, 5, j]
+                k6, k7 = coefficients[task, 6, j], coefficients[task, 7, j]
+                k8, k9 = coefficients[task, 8, j], coefficients[task, 9, j]
+                k10 = coefficients[task, 10, j]
+                r0 = np.uint64(base[task, j] + offset)
+                r1 = r0 + p
+                r2 = r1 + p
+                r3 = r2 + p
+                r4 = r3 + p
+                i0 = r4 + p
+                i1 = i0 + p
+                i2 = i1 + p
+                i3 = i2 + p
+                i4 = i3 + p
                 w = np.uint64((task * LINES + j) * segment)
-                b0, b1, b2, b3 = _shared_cycles(paths, task, j, half, cycles_per_step,
-                                                inverse_step)
-                first = np.uint64(number * segment)
-                for i in range(some):
+                for i in range(length):
                     f = index[i]
-                    c = fraction(b0 + f * (b1 + f * (b2 + f * b3)))
-                    sine, cosine = sin_cycles(c, c * c), cos_cycles(c * c)
-                    re, im = work_re[w + i], work_im[w + i]
-                    re, im = re * cosine - im * sine, re * sine + im * cosine
-                    cosine, sine = ramp[first + i], ramp[after + first + i]
-                    work_re[w + i] = re * cosine - im * sine
-                    work_im[w + i] = re * sine + im * cosine
-                pixel = (layout[1] + (group * LINES + j) * layout[2]
-                         + number * segment * layout[3])
-                if layout[3] == 1:
-                    r0, i0 = np.uint64(pixel), np.uint64(pixel + layout[4])
-                    for i in range(some):
-                        image[r0 + i] += work_re[w + i]
-                        image[i0 + i] += work_im[w + i]
-                else:
-                    for i in range(np.int64(some)):
-                        image[pixel + i * layout[3]] += work_re[w + np.uint64(i)]
-                        image[pixel + i * layout[3] + layout[4]] += work_im[w + np.uint64(i)]
+                    t = k0 + f * (k1 + f * k2)
+                    cosine = k3 + f * (k5 + f * (k7 + f * k9))
+                    sine = k4 + f * (k6 + f * (k8 + f * k10))
+                    re = planes[r0 + i] + t * (planes[r1 + i] + t * (
+                        planes[r2 + i] + t * (planes[r3 + i] + t * planes[r4 + i])))
+                    im = planes[i0 + i] + t * (planes[i1 + i] + t * (
+                        planes[i2 + i] + t * (planes[i3 + i] + t * planes[i4 + i])))
+                    work_re[w + i] += re * cosine - im * sine
+                    work_im[w + i] += re * sine + im * cosine
+        for j in range(count):
+            w = np.uint64((task * LINES + j) * segment)
+            b0, b1, b2, b3 = _shared_cycles(paths, task, j, half, cycles_per_step,
+                                            inverse_step)
+            first = np.uint64(number * segment)
+            for i in range(some):
+                f = index[i]
+                c = fraction(b0 + f * (b1 + f * (b2 + f * b3)))
+                sine, cosine = sin_cycles(c, c * c), cos_cycles(c * c)
+                re, im = work_re[w + i], work_im[w + i]
+                re, im = re * cosine - im * sine, re * sine + im * cosine
+                cosine, sine = ramp[first + i], ramp[after + first + i]
+                work_re[w + i] = re * cosine - im * sine
+                work_im[w + i] = re * sine + im * cosine
+            pixel = (layout[1] + (group * LINES + j) * layout[2]
+                     + number * segment * layout[3])
+            if layout[3] == 1:
+                r0, i0 = np.uint64(pixel), np.uint64(pixel + layout[4])
+                for i in range(some):
+                    image[r0 + i] += work_re[w + i]
+                    image[i0 + i] += work_im[w + i]
+            else:
+                for i in range(np.int64(some)):
+                    image[pixel + i * layout[3]] += work_re[w + np.uint64(i)]
+                    image[pixel + i * layout[3] + layout[4]] += work_im[w + np.uint64(i)]
 
 
 @njit(inline='always')
