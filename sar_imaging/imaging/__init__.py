@@ -3,7 +3,8 @@
 """Image formation: from range profiles or phase histories of many pulses to a focused image.
 
 - `imager`: `plan_image`, the one entry that chooses the method; `image`: what it returns;
-- `exact`: exact backprojection, over the two-way path of every channel;
+- `exact`: exact backprojection, over the two-way path of every channel; `darkness`: its images
+  that err more than planned, since what is bright lies beyond them;
 - `afbp`: accelerated fast backprojection, the quickest where many pulses make an image;
 - `correlation`: time-domain correlation, the exact reference.
 

@@ -93,7 +93,15 @@ class Afbp(Method):
         if onto is not None:
             onto += samples
             samples = onto
-        return samples, _judged(self.report, brightness.uneven_db)
+        return samples, self._judged(brightness.uneven_db)
+
+    def _judged(self, uneven_db: float) -> Report:
+        """The report of an image whose edges are so much brighter."""
+        if uneven_db == 0.0:
+            return self.report
+        told = (f'what lies right beyond the edges is {uneven_db:.1f} dB brighter than the image, '
+                'and so may be its error: image a larger grid',)
+        return self.report.amid_bright(uneven_db, *(told if uneven_db > _UNEVEN_DB else ()))
 
     def _together(self, plan: SubaperturePlan, block: PulseBlock, weights: np.ndarray | None,
                   brightness: EdgeBrightness) -> np.ndarray:
@@ -149,16 +157,3 @@ def image_of_polar(plan: AfbpPlan, polar_image: np.ndarray, backend: Backend, *,
                      / plan.subapertures.radar.wavelength_m, 1.0)
     samples = polar_image[0] + np.complex64(1j) * polar_image[1]
     return samples * beside(np.exp(2j * np.pi * cycles).astype(np.complex64), samples)
-
-
-def _judged(report: Report, uneven_db: float) -> Report:
-    """The report of an image whose error exceeds the planned one by so much."""
-    error_db, errors, warnings = report.predicted_error_db, report.errors_db, report.warnings
-    if uneven_db > 0.0 and error_db is not None:
-        error_db += uneven_db
-        errors = {**errors, 'bright surroundings': error_db}
-    if uneven_db > _UNEVEN_DB:
-        warnings = (*warnings, f'what lies right beyond the edges is {uneven_db:.1f} dB brighter '
-                    'than the image, and so may be its error: image a larger grid')
-    return dataclasses.replace(report, predicted_error_db=error_db, errors_db=errors,
-                               warnings=warnings)

@@ -12,6 +12,7 @@ channel is read at its own delay, which needs no approximation.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,7 @@ from ..planning.exact.backprojection import (
     plan_backprojection,
 )
 from ..planning.exact.points import ImagePoints
+from ..planning.exact.pulse_power import PulsePower
 from ..planning.plan import EXACT_SHARES, error_budget
 from ..planning.profiles import OutOfReach
 from ..signal.pulses import PulseBlock, check_profiles
@@ -62,9 +64,11 @@ class Exact(Method):
         self._backend = backends.backend(self.options.backend)
         self._sum: Backprojection | None = None
         self._plan: BackprojectionPlan | None = None
+        self._power: PulsePower | None = None  # made when the first image is
 
     def plan(self, tx_m: np.ndarray, rx_m: np.ndarray) -> Report:
         """See `Method`; memory serves plans in turn."""
+        self._power = None
         if not tx_m.size or isinstance(self._pixels, ImagePoints) and self._pixels.empty:
             self._sum = None
             return self.describe()
@@ -97,7 +101,12 @@ class Exact(Method):
         onto = zeros_beside(self.grid.shape, block.samples) if onto is None else onto
         if self._sum is not None:
             samples = contiguous(self.weighted(block).samples).reshape(-1, self.n_samples)
-            self._sum.add(samples, _echoes(block.tx_m), _echoes(block.rx_m), onto)
+            centres = _echoes(block.tx_m), _echoes(block.rx_m)
+            self._sum.add(samples, *centres, onto)
+            if self._power is None:
+                self._power = PulsePower.of_pixels(self._pixels, self.radar, self.n_samples,
+                                                   *centres, self.illumination)
+            return onto, dataclasses.replace(self.report, pulse_power=self._power.of(samples))
         return onto, self.report
 
 

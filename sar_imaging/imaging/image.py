@@ -46,6 +46,9 @@ class Report:
     plan : Plan, str or None
         How the imager goes about it: its words, where the report was read from a file; None where
         it has no plan to show.
+    pulse_power : float or None
+        Mean power of a pixel if the echoes in the image added up as noise does; None where the
+        prediction does not depend on it.
 
     Examples
     --------
@@ -69,6 +72,16 @@ class Report:
     n_bytes: int = 0
     warnings: tuple[str, ...] = ()
     plan: Plan | str | None = dataclasses.field(default=None, compare=False)
+    pulse_power: float | None = dataclasses.field(default=None, compare=False, repr=False)
+
+    def amid_bright(self, excess_db: float, *warnings: str) -> Report:
+        """The report of an image that errs so much more, because its surroundings are bright."""
+        if self.predicted_error_db is None:
+            return self
+        error_db = self.predicted_error_db + excess_db
+        return dataclasses.replace(
+            self, predicted_error_db=error_db, warnings=(*self.warnings, *warnings),
+            errors_db={**self.errors_db, 'bright surroundings': error_db})
 
     def __str__(self) -> str:
         lines = [f'{self.method}: {self.reason}', *([] if self.plan is None else [str(self.plan)])]
@@ -117,6 +130,8 @@ class Image(HeldSamples):
         Counters of the pulses in it, ascending.
     radiometry : Radiometry or None
         What the squared magnitude is, where the samples were calibrated.
+    planned : Report or None
+        Report before the image was seen, while pulses are added.
 
     Examples
     --------
@@ -143,6 +158,7 @@ class Image(HeldSamples):
     stamp_ns: int = 0
     counters: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0, np.int64))
     radiometry: Radiometry | None = None
+    planned: Report | None = dataclasses.field(default=None, repr=False)
 
     @property
     def n_pulses(self) -> int:

@@ -23,6 +23,7 @@ from ..memory import IMAGE_BYTES, check_memory
 from ..planning.ambiguities import flight_warnings
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
+from .darkness import judged
 from .image import Image, Report
 from .methods import AFBP, EXACT, Method, Options, method_class
 
@@ -270,7 +271,7 @@ class Imager:
             self.accumulate(block, image)
         else:  # without a sum with zeros
             [block] = self._channels.blocks(block)
-            image.samples, image.report = self._formed(0, block)
+            image.samples, image.planned = self._formed(0, block)
             self._count(block, image)
         for warning in set(image.report.warnings) - self._told:
             _logger.warning(warning)
@@ -316,8 +317,8 @@ class Imager:
         images = samples if self._channels.per_channel else [samples]
         for number, (some, own) in enumerate(zip(blocks, images, strict=True)):
             _, report = self._formed(number, some, own)
-            image.report = _worse(image.report, report,
-                                  first=not image.n_pulses and number == 0)
+            image.planned = _worse(image.planned or image.report, report,
+                                   first=not image.n_pulses and number == 0)
         self._count(block, image)
 
     def plan(self, tx_m: ArrayLike, rx_m: ArrayLike, pointing: Pointing | None = None) -> Report:
@@ -340,12 +341,13 @@ class Imager:
         return self.report
 
     def _count(self, block: PulseBlock, image: Image) -> None:
-        """Take note in an image which pulses it has got."""
+        """Take note in an image which pulses it has got, and what is known of it by now."""
         middle = int(np.sort(block.stamp_ns)[block.n_pulses // 2])
         image.stamp_ns += ((middle - image.stamp_ns) * block.n_pulses
                            // (image.n_pulses + block.n_pulses))
         image.counters = np.sort(np.concatenate([image.counters, block.counter.astype(np.int64)]))
-        self.report = image.report
+        planned = cast(Report, image.planned)
+        self.report = image.report = judged(planned, image.samples, math.prod(self.grid.shape))
 
     def _formed(self, number: int, block: PulseBlock, onto: np.ndarray | None = None
                 ) -> tuple[np.ndarray, Report]:
@@ -469,7 +471,8 @@ class Imager:
             return image, report
         middle = self.grid.positions(*(np.array([n // 2]) for n in self.grid.shape))
         told = flight_warnings(middle.reshape(1, 3), block, self._options.illumination)
-        return image, dataclasses.replace(report, warnings=(*report.warnings, *told))
+        return image, (dataclasses.replace(report, warnings=(*report.warnings, *told)) if told
+                       else report)
 
     @staticmethod
     def _check_memory(shape: tuple[int, ...]) -> None:
@@ -484,5 +487,6 @@ def _worse(one: Report, other: Report, *, first: bool) -> Report:
         return other
     before, after = one.predicted_error_db, other.predicted_error_db
     worse = other if before is None or after is None or after >= before else one
-    return dataclasses.replace(worse, warnings=tuple(
+    powers = [r.pulse_power for r in (one, other) if r.pulse_power is not None]
+    return dataclasses.replace(worse, pulse_power=sum(powers) if powers else None, warnings=tuple(
         dict.fromkeys((*one.warnings, *other.warnings))))

@@ -54,6 +54,15 @@ def echo_powers(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.nda
     return np.stack([power / power.mean() for power in powers])
 
 
+def echoes_alike(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> float:
+    """Mean number of echoes whose local frequencies an image does not tell apart, 1 at least.
+
+    Arguments as of `echo_power`.
+    """
+    count, alone, _ = _echoes_alike(tx_m, rx_m, centre_m, sides_m, radar)
+    return max(float(count.sum() / alone.sum()), 1.0)
+
+
 def _echoes_alike(tx_m, rx_m, centre_m, sides_m, radar) -> tuple[np.ndarray, np.ndarray, float]:
     """How many echoes see a scene alike, and in how many ranges it is resolved.
 

@@ -85,10 +85,10 @@ class LitPairs:
         cells = _cells_to_draw(illumination, positions, shape, beside, flat)
         found, seen, n_lit, n = [], 0, 0, min(_PAIRS, most)
         while n_lit < _ENOUGH and seen < most and len(cells[0]):
-            unit = _spread_evenly(seen, n)
-            number = _below(unit[0] * len(cells[0]), len(cells[0]))
+            unit = spread_evenly(seen, n)
+            number = below(unit[0] * len(cells[0]), len(cells[0]))
             echoes, index = cells[0][number], [
-                _below((cell[number] + u) * (size / _CELLS), size)
+                below((cell[number] + u) * (size / _CELLS), size)
                 for cell, u, size in zip(cells[1:], unit[1:], shape, strict=False)]
             points = positions(*index)
             amplitude = np.nan_to_num(pair_amplitude(illumination, echoes, points))
@@ -177,13 +177,13 @@ def pair_amplitude(illumination: Illumination, echoes, points_m) -> np.ndarray:
                                           illumination.axes[echoes][between])
 
 
-def _spread_evenly(first: int, n: int) -> np.ndarray:
+def spread_evenly(first: int, n: int) -> np.ndarray:
     """(_DIMENSIONS, n) numbers from 0 to 1 that fill space evenly, from one of a sequence on."""
     step = _RATIO ** -np.arange(1, _DIMENSIONS + 1)
     return (0.5 + np.multiply.outer(step, np.arange(first + 1, first + n + 1))) % 1.0
 
 
-def _below(place, size: int) -> np.ndarray:
+def below(place, size: int) -> np.ndarray:
     """(n,) int64 whole numbers below a size."""
     return np.minimum(place.astype(np.int64), size - 1)
 

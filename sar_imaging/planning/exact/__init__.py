@@ -4,4 +4,5 @@
 
 `backprojection` chooses among the lines of a grid, a polar image that is then interpolated to the
 map (`polar_image`), and single points (`points`); `illumination` is for antennas with a pattern.
+`pulse_power` tells how bright an image should be.
 """

@@ -10,6 +10,7 @@ near or around the antenna, for terrain and for positions that form no grid.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -21,7 +22,7 @@ from ...geometry.half_paths import Paths, half_paths, sample_paths
 from ...signal.radar import RadarParameters
 from ..ambiguities import azimuth_warnings
 from ..costs import costs
-from ..echo_power import echo_powers
+from ..echo_power import echo_powers, echoes_alike
 from ..plan import Plan, total_db
 from ..profiles import (
     RangeGate,
@@ -213,6 +214,19 @@ class BackprojectionPlan(Plan):
     route: GroupPlan | PolarPlan | LinePlan | PointPlan
     warnings: tuple[str, ...]
     illumination: Illumination | None = None
+
+    @functools.cached_property
+    def echoes_alike(self) -> float:
+        """Mean number of echoes that an image does not tell apart, see `planning.echo_power`."""
+        if isinstance(self.grid, ImagePoints):
+            some = self.grid.some()
+            centre, sides = some.mean(axis=0), np.diag(np.ptp(some, axis=0))
+        else:
+            shape = np.array(self.grid.shape)
+            centre = self.grid.origin_m + shape / 2 @ self.grid.steps_m
+            sides = self.grid.steps_m * shape[:, None]
+        longest = np.argsort(np.linalg.norm(sides, axis=1))[-2:]
+        return echoes_alike(self.tx_m, self.rx_m, centre, sides[longest], self.radar)
 
     @property
     def method(self) -> str:
