@@ -64,6 +64,7 @@ def pytest_collection_modifyitems(items):
 
 def pytest_collection_finish():
     gc.freeze()
+    gc.set_threshold(20_000, 20, 20)  # a tenth of the time of tests that compile was spent on it
     gc.enable()
 
 

@@ -1440,101 +1440,109 @@ def merge(child, child_shape, parent, parent_shape, geometry, weights_range, wei
         Work space for each of the groups into which lines are divided among threads. Separate
         arrays, because the compiler knows that these do not overlap.
     """
+    for group in numba.prange(len(place) // (segment + LANES)):
+        _merge_lines(np.int64(group), child, child_shape[0], child_shape[1], parent,
+                     parent_shape[0], parent_shape[1], geometry, weights_range, weights_alpha,
+                     pairs, segment, index, start, place, line_re, line_im, out_re, out_im)
+
+
+@njit(distinct=True)
+def _merge_lines(group, child, child_lines, child_n, parent, n_lines, n, geometry, weights_range,
+                 weights_alpha, pairs, segment, index, start, place, line_re, line_im, out_re,
+                 out_im):
+    """Lines of a group; arguments as of `merge`."""
     du, dv, height_p, height_c = geometry[0], geometry[1], geometry[2], geometry[3]
     step, range_p, range_c = geometry[4], geometry[5], geometry[6]
     cycles_per_pixel = geometry[11]
     cycles_per_place = np.float32(cycles_per_pixel)
-    n_lines, n = parent_shape
-    child_lines, child_n = child_shape
     child_size, parent_size = child_lines * child_n, n_lines * n
     width = segment + LANES
     n_groups = len(place) // width
     half, first = segment // 2, 1 - pairs
     one, centre = np.uint64(1), np.float32(0.5)
-    for group in numba.prange(n_groups):
-        at = np.uint64(group * width)
-        for line in range(group * n_lines // n_groups, (group + 1) * n_lines // n_groups):
-            alpha = geometry[7] + line * geometry[8]
-            squeeze = 1.0 - alpha * alpha
-            for begin in range(0, n, segment):
-                # The child's coordinates in the middle of the segment, and their derivatives
-                # by the parent's range
-                r = range_p + (begin + half) * step
-                ground = np.sqrt(r * r * squeeze - height_p * height_p)
-                g1 = r * squeeze / ground
-                g2 = (squeeze - g1 * g1) / ground
-                g3 = -3.0 * g1 * g2 / ground
-                a, c = r * alpha - du, ground - dv
-                rc = np.sqrt(a * a + c * c + height_c * height_c)
-                inverse = 1.0 / rc
-                r1 = (a * alpha + c * g1) * inverse
-                r2 = (alpha * alpha + g1 * g1 + c * g2 - r1 * r1) * inverse
-                r3 = (3.0 * g1 * g2 + c * g3 - 3.0 * r1 * r2) * inverse
-                ac = a * inverse
-                a1 = (alpha - ac * r1) * inverse
-                a2 = -(2.0 * a1 * r1 + ac * r2) * inverse
-                # in pixels
-                v = (rc - range_c) / step
-                node = np.floor(v)
-                u = (ac - geometry[9]) / geometry[10]
-                row = np.floor(u)
-                t0, t1 = np.float32(v - node), np.float32(r1 - 1.0)
-                t2, t3 = np.float32(0.5 * r2 * step), np.float32(r3 * step * step / 6.0)
-                scale = step / geometry[10] / r1
-                u0, u1 = np.float32(u - row - 0.5), np.float32(a1 * scale)
-                u2 = np.float32(0.5 * a2 * scale * step / r1)
-                phase = np.float32(fraction(cycles_per_pixel * (node - begin - half)))
-                count = np.uint64((min(segment, n - begin) + LANES - 1) // LANES * LANES)
-                reach = count + np.uint64(LANES)
-                low = np.int64(row) + first
-                low = min(max(low, 0), child_lines - 2 * pairs)
-                from_ = low * child_n + np.int64(node) - half + first
-                from_ = min(max(from_, 0), (child_lines - 2 * pairs + 1) * child_n)
-                source, row_step = np.uint64(from_), np.uint64(child_n)
-                behind = np.float32(first - half) - t0
-                for i in range(reach):
-                    f = index[i] + behind
-                    place[at + i] = u0 + f * (u1 + f * u2)
-                source_im = source + np.uint64(child_size)
-                if pairs == 4:
-                    _weigh(child, source, child, source_im, row_step, weights_alpha, np.uint64(4),
-                           place, at, reach, line_re, line_im)
-                elif pairs == 2:
-                    _weigh(child, source, child, source_im, row_step, weights_alpha, np.uint64(2),
-                           place, at, reach, line_re, line_im)
-                else:
-                    _weigh(child, source, child, source_im, row_step, weights_alpha, np.uint64(1),
-                           place, at, reach, line_re, line_im)
-                for i in range(count):
-                    f = index[i] - np.float32(half)
-                    place[at + i] = t0 + f * (t1 + f * (t2 + f * t3)) - centre
-                if pairs == 4:
-                    _weigh(line_re, at, line_im, at, one, weights_range, np.uint64(4),
-                           place, at, count, out_re, out_im)
-                elif pairs == 2:
-                    _weigh(line_re, at, line_im, at, one, weights_range, np.uint64(2),
-                           place, at, count, out_re, out_im)
-                else:
-                    _weigh(line_re, at, line_im, at, one, weights_range, np.uint64(1),
-                           place, at, count, out_re, out_im)
-                pixel = np.uint64(line * n + begin)
-                pixel_im = pixel + np.uint64(parent_size)
-                for i in range(count):
-                    cycles = fraction(cycles_per_place * (place[at + i] + centre) + phase)
-                    square = cycles * cycles
-                    sine, cosine = sin_cycles(cycles, square), cos_cycles(square)
-                    re, im = out_re[at + i], out_im[at + i]
-                    out_re[at + i] = re * cosine - im * sine
-                    out_im[at + i] = re * sine + im * cosine
-                inside = np.uint64(min(segment, n - begin))
-                if start == 1:
-                    for i in range(inside):
-                        parent[pixel + i] = out_re[at + i]
-                        parent[pixel_im + i] = out_im[at + i]
-                else:
-                    for i in range(inside):
-                        parent[pixel + i] += out_re[at + i]
-                        parent[pixel_im + i] += out_im[at + i]
+    at = np.uint64(group * width)
+    for line in range(group * n_lines // n_groups, (group + 1) * n_lines // n_groups):
+        alpha = geometry[7] + line * geometry[8]
+        squeeze = 1.0 - alpha * alpha
+        for begin in range(0, n, segment):
+            # The child's coordinates in the middle of the segment, and their derivatives
+            # by the parent's range
+            r = range_p + (begin + half) * step
+            ground = np.sqrt(r * r * squeeze - height_p * height_p)
+            g1 = r * squeeze / ground
+            g2 = (squeeze - g1 * g1) / ground
+            g3 = -3.0 * g1 * g2 / ground
+            a, c = r * alpha - du, ground - dv
+            rc = np.sqrt(a * a + c * c + height_c * height_c)
+            inverse = 1.0 / rc
+            r1 = (a * alpha + c * g1) * inverse
+            r2 = (alpha * alpha + g1 * g1 + c * g2 - r1 * r1) * inverse
+            r3 = (3.0 * g1 * g2 + c * g3 - 3.0 * r1 * r2) * inverse
+            ac = a * inverse
+            a1 = (alpha - ac * r1) * inverse
+            a2 = -(2.0 * a1 * r1 + ac * r2) * inverse
+            # in pixels
+            v = (rc - range_c) / step
+            node = np.floor(v)
+            u = (ac - geometry[9]) / geometry[10]
+            row = np.floor(u)
+            t0, t1 = np.float32(v - node), np.float32(r1 - 1.0)
+            t2, t3 = np.float32(0.5 * r2 * step), np.float32(r3 * step * step / 6.0)
+            scale = step / geometry[10] / r1
+            u0, u1 = np.float32(u - row - 0.5), np.float32(a1 * scale)
+            u2 = np.float32(0.5 * a2 * scale * step / r1)
+            phase = np.float32(fraction(cycles_per_pixel * (node - begin - half)))
+            count = np.uint64((min(segment, n - begin) + LANES - 1) // LANES * LANES)
+            reach = count + np.uint64(LANES)
+            low = np.int64(row) + first
+            low = min(max(low, 0), child_lines - 2 * pairs)
+            from_ = low * child_n + np.int64(node) - half + first
+            from_ = min(max(from_, 0), (child_lines - 2 * pairs + 1) * child_n)
+            source, row_step = np.uint64(from_), np.uint64(child_n)
+            behind = np.float32(first - half) - t0
+            for i in range(reach):
+                f = index[i] + behind
+                place[at + i] = u0 + f * (u1 + f * u2)
+            source_im = source + np.uint64(child_size)
+            if pairs == 4:
+                _weigh(child, source, child, source_im, row_step, weights_alpha, np.uint64(4),
+                       place, at, reach, line_re, line_im)
+            elif pairs == 2:
+                _weigh(child, source, child, source_im, row_step, weights_alpha, np.uint64(2),
+                       place, at, reach, line_re, line_im)
+            else:
+                _weigh(child, source, child, source_im, row_step, weights_alpha, np.uint64(1),
+                       place, at, reach, line_re, line_im)
+            for i in range(count):
+                f = index[i] - np.float32(half)
+                place[at + i] = t0 + f * (t1 + f * (t2 + f * t3)) - centre
+            if pairs == 4:
+                _weigh(line_re, at, line_im, at, one, weights_range, np.uint64(4),
+                       place, at, count, out_re, out_im)
+            elif pairs == 2:
+                _weigh(line_re, at, line_im, at, one, weights_range, np.uint64(2),
+                       place, at, count, out_re, out_im)
+            else:
+                _weigh(line_re, at, line_im, at, one, weights_range, np.uint64(1),
+                       place, at, count, out_re, out_im)
+            pixel = np.uint64(line * n + begin)
+            pixel_im = pixel + np.uint64(parent_size)
+            for i in range(count):
+                cycles = fraction(cycles_per_place * (place[at + i] + centre) + phase)
+                square = cycles * cycles
+                sine, cosine = sin_cycles(cycles, square), cos_cycles(square)
+                re, im = out_re[at + i], out_im[at + i]
+                out_re[at + i] = re * cosine - im * sine
+                out_im[at + i] = re * sine + im * cosine
+            inside = np.uint64(min(segment, n - begin))
+            if start == 1:
+                for i in range(inside):
+                    parent[pixel + i] = out_re[at + i]
+                    parent[pixel_im + i] = out_im[at + i]
+            else:
+                for i in range(inside):
+                    parent[pixel + i] += out_re[at + i]
+                    parent[pixel_im + i] += out_im[at + i]
 
 
 @njit(inline='always')

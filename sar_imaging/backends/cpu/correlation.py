@@ -67,61 +67,72 @@ def _correlate(first, step, re, im, tx, rx, points, antennas, out):
 
     `first` and `step` are in cycles per metre of two-way path.
     """
+    for group in numba.prange((len(points) + _LANES - 1) // _LANES):
+        _correlate_group(np.int64(group), first, step, re, im, tx, rx, points, antennas, out)
+
+
+@njit
+def _correlate_group(group, first, step, re, im, tx, rx, points, antennas, out):
     n_pulses, n_channels, n_bins = re.shape
-    n_groups = (len(points) + _LANES - 1) // _LANES
-    for group in numba.prange(n_groups):
-        lo = group * _LANES
-        n = min(_LANES, len(points) - lo)
-        total_re, total_im = np.zeros(_LANES), np.zeros(_LANES)
-        acc_re, acc_im = np.empty(_LANES), np.empty(_LANES)
-        z_re, z_im = np.empty(_LANES), np.empty(_LANES)
-        path = np.zeros(_LANES)
-        for m in range(n_pulses):
-            for c in range(n_channels):
-                for i in range(n):
-                    path[i] = (distance(points[lo + i], tx[m, c])
-                               + distance(points[lo + i], rx[m, c]))
-                    cycles = step * path[i]
-                    angle = 2 * np.pi * (cycles - np.floor(cycles))
-                    z_re[i], z_im[i] = np.cos(angle), np.sin(angle)
-                acc_re[:], acc_im[:] = 0.0, 0.0
-                for k in range(n_bins - 1, -1, -1):
-                    a, b = re[m, c, k], im[m, c, k]
-                    for i in range(_LANES):
-                        r = acc_re[i] * z_re[i] - acc_im[i] * z_im[i] + a
-                        acc_im[i] = acc_re[i] * z_im[i] + acc_im[i] * z_re[i] + b
-                        acc_re[i] = r
-                for i in range(n):
-                    cycles = first * path[i]
-                    angle = 2 * np.pi * (cycles - np.floor(cycles))
-                    w_re, w_im = np.cos(angle), np.sin(angle)
-                    weight = _weight(antennas, m * n_channels + c, points[lo + i])
-                    w_re, w_im = weight * w_re, weight * w_im
-                    total_re[i] += acc_re[i] * w_re - acc_im[i] * w_im
-                    total_im[i] += acc_re[i] * w_im + acc_im[i] * w_re
-        for i in range(n):
-            out[lo + i] = total_re[i] + 1j * total_im[i]
+    lo = group * _LANES
+    n = min(_LANES, len(points) - lo)
+    total_re, total_im = np.zeros(_LANES), np.zeros(_LANES)
+    acc_re, acc_im = np.empty(_LANES), np.empty(_LANES)
+    z_re, z_im = np.empty(_LANES), np.empty(_LANES)
+    path = np.zeros(_LANES)
+    for m in range(n_pulses):
+        for c in range(n_channels):
+            for i in range(n):
+                path[i] = (distance(points[lo + i], tx[m, c])
+                           + distance(points[lo + i], rx[m, c]))
+                cycles = step * path[i]
+                angle = 2 * np.pi * (cycles - np.floor(cycles))
+                z_re[i], z_im[i] = np.cos(angle), np.sin(angle)
+            acc_re[:], acc_im[:] = 0.0, 0.0
+            for k in range(n_bins - 1, -1, -1):
+                a, b = re[m, c, k], im[m, c, k]
+                for i in range(_LANES):
+                    r = acc_re[i] * z_re[i] - acc_im[i] * z_im[i] + a
+                    acc_im[i] = acc_re[i] * z_im[i] + acc_im[i] * z_re[i] + b
+                    acc_re[i] = r
+            for i in range(n):
+                cycles = first * path[i]
+                angle = 2 * np.pi * (cycles - np.floor(cycles))
+                w_re, w_im = np.cos(angle), np.sin(angle)
+                weight = _weight(antennas, m * n_channels + c, points[lo + i])
+                w_re, w_im = weight * w_re, weight * w_im
+                total_re[i] += acc_re[i] * w_re - acc_im[i] * w_im
+                total_im[i] += acc_re[i] * w_im + acc_im[i] * w_re
+    for i in range(n):
+        out[lo + i] = total_re[i] + 1j * total_im[i]
 
 
 @njit(parallel=True)
 def _correlate_profiles(samples, tx, rx, points, start_m, spacing_m, cycles_per_m, half,
                         sharpness, antennas, image, covered):
     """Add all profiles at the delay of every point; `cycles_per_m` of two-way path."""
-    n_pulses, n_channels, n_samples = samples.shape
     for i in numba.prange(len(points)):
-        total = 0j
-        for m in range(n_pulses):
-            for c in range(n_channels):
-                weight = _weight(antennas, m * n_channels + c, points[i])
-                if weight == 0.0:
-                    continue
-                path = distance(points[i], tx[m, c]) + distance(points[i], rx[m, c])
-                place = (0.5 * path - start_m) / spacing_m
-                if abs(place) < half or abs(place - (n_samples - 1)) < half:
-                    covered[i] = False
-                total += (weight * _series(samples[m, c], place, half, sharpness)
-                          * phasor(cycles_per_m * path))
-        image[i] = total
+        _correlate_point(np.int64(i), samples, tx, rx, points, start_m, spacing_m, cycles_per_m,
+                         half, sharpness, antennas, image, covered)
+
+
+@njit
+def _correlate_point(i, samples, tx, rx, points, start_m, spacing_m, cycles_per_m, half,
+                     sharpness, antennas, image, covered):
+    n_pulses, n_channels, n_samples = samples.shape
+    total = 0j
+    for m in range(n_pulses):
+        for c in range(n_channels):
+            weight = _weight(antennas, m * n_channels + c, points[i])
+            if weight == 0.0:
+                continue
+            path = distance(points[i], tx[m, c]) + distance(points[i], rx[m, c])
+            place = (0.5 * path - start_m) / spacing_m
+            if abs(place) < half or abs(place - (n_samples - 1)) < half:
+                covered[i] = False
+            total += (weight * _series(samples[m, c], place, half, sharpness)
+                      * phasor(cycles_per_m * path))
+    image[i] = total
 
 
 @njit
