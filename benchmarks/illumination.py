@@ -193,8 +193,8 @@ def stripmap() -> dict:
                        'contrast_db': 10 * math.log10(peak / power[away].mean())}
         print(name, found[name], flush=True)
     # Of noise each lit pulse adds w^2, of which the mean is 3/8; the peak adds w^2 as well.
-    n_lit = strip.in_beam_s * strip.repetition_hz
-    found['theory_contrast_db'] = 10 * math.log10(0.375 * n_lit)
+    n_illuminated = strip.in_beam_s * strip.repetition_hz
+    found['theory_contrast_db'] = 10 * math.log10(0.375 * n_illuminated)
     return found
 
 

@@ -8,7 +8,7 @@ Plans are float64 NumPy and know no processor; `sar_imaging.backends` computes t
 - `afbp`: sub-apertures, their beams and polar grids, and what the fusion of their spectra costs;
 - `profiles`: the part of the range profiles that an image needs, and how finely it is resampled;
 - `polar_cover`: the polar grid that covers a map, and how the map is read from it;
-- `interpolators`, `aliasing_error`, `echo_power`, `lit_pairs`: the error;
+- `interpolators`, `aliasing_error`, `echo_power`, `echo_pixels`: the error;
 - `costs`: nanoseconds; `transform_lengths`: lengths of Fourier transforms that are quick.
 
 Names that mean the same in all modules, here and in the backends, are described once:

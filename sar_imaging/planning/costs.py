@@ -42,7 +42,7 @@ class CostModel:
     beam_pixel, beam_segment : float
         Lines from beams: of a pixel, and in addition of a segment.
     weighed_image, amplitude_node : float
-        More with illumination: of an image from beams, and of a knot of its amplitudes.
+        More with illumination: of an image from beams, and of a node of its amplitudes.
     coarse_pixel, fine_pixel, subaperture : float
         Fusion: of a pixel of a sub-aperture image, of the fused image, and of a sub-aperture.
     part_coefficient, part_segment : float

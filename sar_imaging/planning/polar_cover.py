@@ -177,7 +177,7 @@ def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
             f * (polar.alpha_spacing / (2 * math.pi))), some)
         between_db = 10 * math.log10(10 ** (between_db / 10) + tail)
     profile_db = window.mean_end_error_db(
-        paths.length, oversampling=resampling.oversampling(radar), lit=paths.illuminated)
+        paths.length, oversampling=resampling.oversampling(radar), illuminated=paths.illuminated)
     return PolarCover(grid, polar, ratio, resampling, window, range_m, axis, between, along,
                       paths.of_illuminated_rows(seen.slope_alpha), weight, between_db, along_db,
                       profile_db, spread)

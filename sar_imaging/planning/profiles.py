@@ -88,7 +88,7 @@ class PhaseHistory:
         self._gain = (sign * weights / weights.sum()).astype(np.float32)
 
     def mean_end_error_db(self, range_m, n_axes: int = 2,
-                          oversampling: float = math.inf, lit=None) -> float:
+                          oversampling: float = math.inf, illuminated=None) -> float:
         """-inf: what is periodic has no ends."""
         return -math.inf
 
@@ -248,31 +248,34 @@ class RangeGate:
                                      here + (distance - whole) * (beyond - here))
         return np.minimum(error, 1.0)
 
-    def predictable(self, range_m, lit=True) -> np.ndarray:
+    def predictable(self, range_m, illuminated=True) -> np.ndarray:
         """(...) half paths (...), metres, at which an error can be told.
 
-        Where some of those that are `lit` leave the profile, these are not near its ends.
+        Where some of those that are `illuminated` leave the profile, these are not near its ends.
         """
         after = (np.asarray(range_m) - self.range_start_m) / self.radar.sample_spacing_m
         # a window that rises or falls ends within the profile, far enough away
         within = np.minimum(after + (np.inf if self.n_rise else min(self.first, 0)),
                             (np.inf if self.n_fall else self.n_samples - 1) - after)
-        leaves = ((within < 0) & lit).any()
+        leaves = ((within < 0) & illuminated).any()
         return within >= (end_samples(self.radar) if leaves else -np.inf)
 
     def mean_end_error_db(self, range_m, n_axes: int = 2,
-                          oversampling: float = math.inf, lit=None) -> float:
+                          oversampling: float = math.inf, illuminated=None) -> float:
         """Mean of `end_error` where it is `predictable` for all echoes, dB; NaN for nowhere.
 
         Half paths are those from some echoes to a square or cube of positions, edge to edge:
         (R, n ** n_axes) float64, metres.
-        Of these pairs, (R, n ** n_axes), only those that are `lit` count, where that is given.
+        Of these pairs, (R, n ** n_axes), only those that are `illuminated` count, where that is
+        given.
         """
-        lit = np.bool_(True) if lit is None or not lit.any() else lit
+        if illuminated is None or not illuminated.any():
+            illuminated = np.bool_(True)
         side = np.ones(round(range_m.shape[1] ** (1 / n_axes)))
         side[[0, -1]] = 0.5  # they stand for half as much of the image
         weight = functools.reduce(np.multiply.outer, [side] * n_axes).ravel()
-        weight = weight * lit * (self.predictable(range_m, lit) | ~lit).all(axis=0)
+        known = self.predictable(range_m, illuminated) | ~illuminated
+        weight = weight * illuminated * known.all(axis=0)
         some = echoes_for_means(len(range_m))
         return mean_db(self.end_error(range_m[some], oversampling),
                        weight if weight.ndim == 1 else weight[some])
@@ -492,8 +495,8 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
     pitch, asked = spacing * middle, spacing
     echoes = _some_echoes(paths)
     slope = paths.derivatives[0][echoes]
-    lit = paths.of_illuminated(slope, echoes)
-    extremes = float(lit.min()), float(lit.max())
+    illuminated = paths.of_illuminated(slope, echoes)
+    extremes = float(illuminated.min()), float(illuminated.max())
     longest = next((s for s in reversed(_SEGMENTS) if s >= n_line), _SEGMENTS[0])
     errors = functools.cache(lambda together: _expansion_errors(paths, echoes, radar, together))
     for together, phases in itertools.product(passes, range(1, _MAX_PHASES + 1)):

@@ -19,7 +19,7 @@ from ..device_arrays import on_device
 from ..geometry.grids import MapGrid
 from ..geometry.illumination import AntennaPattern, Illumination, Pointing
 from ..geometry.track import mean_centres, predict_track, unit_vector
-from ..planning.afbp.lit_subapertures import seen_subapertures
+from ..planning.afbp.illumination import seen_subapertures
 from ..planning.afbp.live import LivePlan, extension, plan_live
 from ..signal.pulses import PulseBlock
 from ..signal.pulses.apertures import AperturePulses, ApertureSequence, ApertureStatistics

@@ -28,13 +28,13 @@ from ..geometry.illumination import AntennaPattern, Illumination, PatternCut, Po
 from ..imaging.imager import plan_image
 from ..memory import check_memory
 from ..planning.afbp.beams import BeamSampling
-from ..planning.afbp.lit_subapertures import SubapertureAmplitudes
+from ..planning.afbp.illumination import SubapertureAmplitudes
 from ..planning.afbp.plan import AfbpPlan, plan_afbp
 from ..planning.costs import DEFAULT, CostModel, using
+from ..planning.echo_pixels import LEAST_DB
 from ..planning.exact.backprojection import BackprojectionPlan, plan_backprojection
 from ..planning.exact.groups import plan_groups
 from ..planning.exact.polar_image import plan_polar
-from ..planning.lit_pairs import LEAST_DB
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters
 

@@ -13,7 +13,7 @@ from sar_imaging.backends.cpu.illumination import Antennas, TileAmplitudes
 from sar_imaging.geometry import MapGrid, TerrainGrid
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from sar_imaging.planning.exact.backprojection import plan_backprojection
-from sar_imaging.planning.exact.illumination import draw_points, knot_positions, tile_error_db
+from sar_imaging.planning.exact.illumination import draw_points, node_positions, tile_error_db
 from sar_imaging.planning.exact.points import ImagePoints, plan_points
 from sar_imaging.planning.plan import Plan, total_db
 from sar_imaging.signal import SPEED_OF_LIGHT, RadarParameters
@@ -82,7 +82,7 @@ def test_images_are_those_of_the_formula(name, seed, width, squint, target_db):
 @given(seed=st.integers(0, 1000), width=st.floats(0.01, 0.8), squint=st.floats(-1.0, 1.0),
        apart=st.sampled_from([32, 8, 1]))
 def test_no_lit_tile_is_left_out(seed, width, squint, apart):
-    """What the corners of blocks say is dark is dark at all knots."""
+    """What the corners of blocks say is dark is dark at all nodes."""
     _, tx, _, lit = _case(seed, width, squint, n_channels=1)
     grid, segment = GRIDS['lines'], 8
 
@@ -90,10 +90,10 @@ def test_no_lit_tile_is_left_out(seed, width, squint, apart):
         return (grid.origin_m + np.multiply.outer(pixel, [0, -grid.spacing_m, 0.0])
                 + np.multiply.outer(line, [grid.spacing_m, 0.0, 0.0]),)
 
-    knots = knot_positions(locate, grid.n_x, grid.n_y, segment, apart)
-    found, any_lit, amplitude, knot, between = TileAmplitudes(Antennas.of(lit), *knots).amplitudes(
+    nodes = node_positions(locate, grid.n_x, grid.n_y, segment, apart)
+    found, any_lit, amplitude, node, between = TileAmplitudes(Antennas.of(lit), *nodes).amplitudes(
         slice(0, None))
-    expected = lit.amplitude(np.moveaxis(knots[0], 0, -1))  # (R, G, P, K)
+    expected = lit.amplitude(np.moveaxis(nodes[0], 0, -1))  # (R, G, P, K)
     tiles = np.stack([expected[:, :, 2 * s:2 * s + 3].max(axis=(2, 3))
                       for s in range(found.shape[2])], axis=2) > 0
     np.testing.assert_array_equal(found, tiles)
@@ -101,11 +101,11 @@ def test_no_lit_tile_is_left_out(seed, width, squint, apart):
     for r, g, s in np.argwhere(tiles)[:200]:
         np.testing.assert_allclose(amplitude[r, g, 2 * s:2 * s + 3],
                                    expected[r, g, 2 * s:2 * s + 3], atol=1e-6)
-    # a line lies between its knots
-    x = knots[0][0, :, 0]
+    # a line lies between its nodes
+    x = nodes[0][0, :, 0]
     line = np.arange(found.shape[1] * 32).reshape(-1, 32)
-    here = np.take_along_axis(x, knot, 1) + between * (
-        np.take_along_axis(x, knot + 1, 1) - np.take_along_axis(x, knot, 1))
+    here = np.take_along_axis(x, node, 1) + between * (
+        np.take_along_axis(x, node + 1, 1) - np.take_along_axis(x, node, 1))
     np.testing.assert_allclose(here, grid.x_m[np.minimum(line, grid.n_x - 1)], atol=1e-4)
 
 
@@ -120,14 +120,14 @@ def test_plans_with_illumination_compare_and_count_lit_pixels_alone():
     # of some thousand random pairs, and of tiles that are lit in part
     assert share - 0.03 <= plan.route.amplitudes.share <= min(1.0, 2.2 * share + 0.1)
     assert 'illumination' not in bare.errors_db
-    # knots of the largest pass: three coordinates in float64, 32 amplitudes in float32
-    knots = plan.route.amplitudes.n_bytes((grid.n_y, grid.n_x), plan.route.tile) // (24 + 32 * 4)
-    assert knots >= 1 and plan.n_bytes >= lit.n_bytes + knots * (24 + 32 * 4)
+    # nodes of the largest pass: three coordinates in float64, 32 amplitudes in float32
+    nodes = plan.route.amplitudes.n_bytes((grid.n_y, grid.n_x), plan.route.tile) // (24 + 32 * 4)
+    assert nodes >= 1 and plan.n_bytes >= lit.n_bytes + nodes * (24 + 32 * 4)
 
 
 @settings(max_examples=10)
 @given(seed=st.integers(0, 1000), tile=st.sampled_from([(16, 16), (8, 8)]))
-def test_amplitudes_between_knots_err_as_planned(seed, tile):
+def test_amplitudes_between_nodes_err_as_planned(seed, tile):
     """Parabolas of the compiled loop against those that the plan judges."""
     samples, tx, rx, lit = _case(seed, 0.25, 0.0)
     grid = GRIDS['lines']

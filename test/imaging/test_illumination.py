@@ -120,7 +120,7 @@ def test_channels_of_a_steered_antenna_have_beams_of_their_own():
         for b, n in ((cpu, 2), (reference, 2), (cpu, 1)))
     error, mixed = (((other - expected) ** 2).sum() / (expected ** 2).sum()
                     for other in (found, together))
-    # -65.6 dB: parabolas between knots are within the error of the amplitudes, -70.5 dB
+    # -65.6 dB: parabolas between nodes are within the error of the amplitudes, -70.5 dB
     assert 10 * np.log10(error) <= plan.errors_db['illumination'] + 6.0 and mixed > 10 * error
 
 
@@ -225,8 +225,8 @@ def test_a_spaceborne_stripmap_is_that_of_the_closed_form():
     assert strip.width_m(offset, found) == pytest.approx(strip.width_m(offset, expected), rel=5e-3)
     assert not imager.report.warnings  # dark pairs leave the profiles, lit ones do not
 
-    # Noise: power sum(w^2) = 3/8 n_lit with the pattern, n without: the contrast grows by
-    # (sum w^2)^2 / sum(w^2) over (sum w)^2 / n, that is 3/2 n / n_lit.
+    # Noise: power sum(w^2) = 3/8 n_illuminated with the pattern, n without: the contrast grows by
+    # (sum w^2)^2 / sum(w^2) over (sum w)^2 / n, that is 3/2 n / n_illuminated.
     grid = MapGrid(strip.target_m, 64, 32, 25.0)
     [noise] = strip.blocks(strip.n_pulses, noise=1.0, amplitude=0.0)
     [echo] = strip.blocks(strip.n_pulses)

@@ -12,7 +12,7 @@ from sar_imaging.geometry.illumination import (
     Pointing,
 )
 from sar_imaging.geometry.polar import PolarGrid
-from sar_imaging.planning.afbp.lit_subapertures import parabola, seen_subapertures
+from sar_imaging.planning.afbp.illumination import parabola, seen_subapertures
 from sar_imaging.planning.afbp.subapertures import _bounds
 
 

@@ -112,7 +112,7 @@ def test_a_pattern_that_lights_all_alike_changes_nothing(fly):
     assert np.linalg.norm(lit.image - bare.image) <= 1e-5 * np.linalg.norm(bare.image)
 
 
-def test_amplitudes_between_knots_count_while_pulses_arrive():
+def test_amplitudes_between_nodes_count_while_pulses_arrive():
     """Of pulses that are added directly: their errors are not those of parabolas over pulses."""
     case = lit_case(110052)
     pattern = AntennaPattern(case.cut(6.0))

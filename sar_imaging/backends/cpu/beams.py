@@ -47,7 +47,7 @@ from ...planning.afbp.beams import (
     bins_per_run,
     grid_edges,
 )
-from ...planning.afbp.lit_subapertures import NODES_APART, AmplitudeNodes
+from ...planning.afbp.illumination import NODES_APART, AmplitudeNodes
 from ...planning.afbp.subapertures import SubaperturePlan
 from ...signal.pulses import PulseBlock
 from .fft import transform_rows

@@ -181,7 +181,7 @@ class TileNodes:
     """
 
     def __init__(self, points: ImagePoints, tile: tuple[int, int], interpolation: PointAmplitudes):
-        rows, columns = interpolation.knots(points.size, tile)
+        rows, columns = interpolation.nodes(points.size, tile)
         self._positions = points.positions(rows[:, None], columns).reshape(-1)
         self.line = len(columns)
         self.unknown = np.isnan(self._positions.reshape(-1, 3)).any(axis=1).view(np.uint8)
@@ -270,7 +270,7 @@ class TileAmplitudes:
     echoes : Antennas
         All echoes that are added.
     positions : (3, G, 2 S + 1, K) float64
-        Positions of the nodes, see `planning.exact.illumination.knot_positions`.
+        Positions of the nodes, see `planning.exact.illumination.node_positions`.
     node, between : (G, LINES) int64, float32
         Knot before each line of a group, and the share of the next.
     """

@@ -465,7 +465,7 @@ class GridLineImages:
         self._tiles = None
         if route.amplitudes is not None:
             echoes = Antennas.of(plan.illumination)
-            self._tiles = [TileAmplitudes(echoes, *route.amplitudes.knots(
+            self._tiles = [TileAmplitudes(echoes, *route.amplitudes.nodes(
                 lines.locate(layer), lines.n_lines, lines.n_pixels, segment))
                 for layer in range(len(lines.layouts))]
 
@@ -486,7 +486,7 @@ class PolarLines:
         self._polar, self._profiles = polar, profiles
         size = polar.n_alpha, polar.n_range, resampling.segment
         self._lines = line_middles(polar.locate, *size)
-        self._nodes = nodes and nodes.knots(polar.locate, *size)
+        self._nodes = nodes and nodes.nodes(polar.locate, *size)
         # from the phase that the kernel leaves to range baseband
         cycles = 2 * (resampling.cell_m - polar.range_spacing_m) / profiles.radar.wavelength_m
         self._ramp = _phasor(cycles * np.arange(polar.n_range))

@@ -24,7 +24,7 @@ import numpy as np
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...planning.afbp.beams import BEAM_TAPS, CELL_TAPS, DEGREE, BeamGeometry, grid_edges
-from ...planning.afbp.lit_subapertures import NODES_APART, AmplitudeNodes
+from ...planning.afbp.illumination import NODES_APART, AmplitudeNodes
 from ...planning.afbp.subapertures import SubaperturePlan
 from .arrays import cuda, function, kernel, launch, load_pair, pairs, store_pair, xp
 from .illumination import Antennas, amplitude, in_axes

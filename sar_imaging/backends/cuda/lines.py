@@ -21,7 +21,7 @@ import numpy as np
 
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
-from ...planning.exact.illumination import LINES as NODE_LINES, LineAmplitudes, knot_positions
+from ...planning.exact.illumination import LINES as NODE_LINES, LineAmplitudes, node_positions
 from ...planning.profiles import PhaseHistory, RangeGate, RangeResampling
 from .arrays import cuda, function, kernel, launch, load_pair, pairs, xp
 from .illumination import Antennas
@@ -172,7 +172,7 @@ def add_weighted_lines(planes, profile, segment, centres, lines, ramp, image, la
     planes, profile, segment, centres, lines, ramp, image, layout :
         As of `add_lines`.
     amplitude : (K, R) float32
-        At the nodes of `planning.exact.illumination.knot_positions`: groups of lines, places,
+        At the nodes of `planning.exact.illumination.node_positions`: groups of lines, places,
         nodes; those of the group that the first line is in come first.
     between : (n_lines,) float32
         How far a line lies from the node before it to the next.
@@ -460,7 +460,7 @@ class Lines:
 class _Nodes:
     """Where amplitudes of echoes are found over some lines of a layer.
 
-    Arguments are as of `Lines` and `knot_positions`.
+    Arguments are as of `Lines` and `node_positions`.
 
     Attributes
     ----------
@@ -474,7 +474,7 @@ class _Nodes:
 
     def __init__(self, locate: Callable, rows: slice, n_lines: int, n_pixels: int, segment: int,
                  apart: int):
-        positions, _, between = knot_positions(locate, n_lines, n_pixels, segment, apart)
+        positions, _, between = node_positions(locate, n_lines, n_pixels, segment, apart)
         group = rows.start // NODE_LINES
         self.positions = xp.asarray(np.ascontiguousarray(
             positions[:, group:-(-rows.stop // NODE_LINES)]).reshape(3, -1))

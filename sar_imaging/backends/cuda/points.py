@@ -508,7 +508,7 @@ class _Nodes:
 
     def __init__(self, points: ImagePoints, rows: slice, plan: PointPlan):
         (n_y, n_x), (height, _) = points.size, plan.tile
-        down, across = plan.amplitudes.knots(points.size, plan.tile)
+        down, across = plan.amplitudes.nodes(points.size, plan.tile)
         if plan.amplitudes.each:
             down = down[:0]  # none is read
         elif height > 1:

@@ -14,7 +14,7 @@ import numpy as np
 from tqdm import tqdm
 
 from ...geometry.illumination import Illumination
-from ...planning.afbp.lit_subapertures import AmplitudeNodes
+from ...planning.afbp.illumination import AmplitudeNodes
 from ...planning.afbp.subapertures import SubaperturePlan
 from ...signal.pulses import PulseBlock
 from ..edge_brightness import EdgeBrightness

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from ...planning.afbp.beams import CELL_TAPS, BeamGeometry, grid_edges
-from ...planning.afbp.lit_subapertures import AmplitudeNodes, parabola
+from ...planning.afbp.illumination import AmplitudeNodes, parabola
 from ...planning.afbp.subapertures import SubaperturePlan
 from .form_beams import beam_profiles, form_beams
 from .interpolate_beams import BeamImage, interpolate_beams

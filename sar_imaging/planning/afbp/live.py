@@ -80,7 +80,7 @@ def ends_db(cover: PolarCover, polar: PolarGrid, tx_m, rx_m,
     paths = _of_some_echoes(cover, polar, tx_m, rx_m, illumination)[-1]
     return cover.window.mean_end_error_db(
         paths.length, oversampling=cover.resampling.oversampling(cover.window.radar),
-        lit=paths.illuminated)
+        illuminated=paths.illuminated)
 
 
 def _of_some_echoes(cover, polar, tx_m, rx_m, illumination):
@@ -162,16 +162,17 @@ class LivePlan(AfbpPlan):
             return None
         worst_db, power_db = error_db, 0.0
         if illumination is not None:
-            power, lit = plan.amplitudes.of_subaperture(plan.polar, plan.radar, tx_m, rx_m,
-                                                        illumination)
-            lit_db, power_db = (10 * math.log10(v + _LEAST) for v in (lit, power))
-            if plan.amplitudes.lines is not None:  # between knots they err at least as planned
-                lit_db = max(lit_db, power_db + plan.amplitudes.predicted_error_db)
+            power, weighing = plan.amplitudes.of_subaperture(plan.polar, plan.radar, tx_m, rx_m,
+                                                             illumination)
+            amplitudes_db, power_db = (10 * math.log10(v + _LEAST) for v in (weighing, power))
+            if plan.amplitudes.lines is not None:  # between nodes they err at least as planned
+                amplitudes_db = max(amplitudes_db, power_db + plan.amplitudes.predicted_error_db)
             # The brightest may err more. Of sub-apertures of a length that was asked for,
             # amplitudes may err as planned.
             worst_db = max(error_db + min(power_db, 0.0), min(
-                lit_db, lit_db - plan.amplitudes.predicted_error_db + self.limit_db - _UNLIKE_DB))
-            error_db = total_db(error_db + power_db, lit_db)
+                amplitudes_db, amplitudes_db - plan.amplitudes.predicted_error_db
+                + self.limit_db - _UNLIKE_DB))
+            error_db = total_db(error_db + power_db, amplitudes_db)
             reading += power_db
         if (worst_db > self.limit_db or reading > self.reading_limit_db
                 or not (within or math.isinf(self.limit_db))):

@@ -16,7 +16,7 @@ from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid, edge_positions
 from ...signal.radar import SPEED_OF_LIGHT, RadarParameters
 from ..aliasing_error import TONES, PixelDensity, taper_band
-from ..exact.illumination import LitPolar
+from ..exact.illumination import WeighedPolar
 from ..interpolators import NOT_READ, Interpolator, design_interpolator, margin
 from ..plan import AFBP_SHARES, PASSES_DB, error_budget, remaining_db
 from ..polar_cover import DEAPODISED_TAPS, DEGREE, TAPS, PolarCover, cover_map, range_axis
@@ -249,15 +249,15 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     radar = radar if band is None else band.radar
     map_db = error_budget(target_db, shares)['polar to map'] - PASSES_DB
 
-    def cover_of(error_db, lit=None):
+    def cover_of(error_db, pulses=None):
         return cover_map(grid, *echoes, radar, n_samples, error_db, min(target_db - 10.0, -50.0),
-                         band, fused=True, illumination=lit)
+                         band, fused=True, illumination=pulses)
 
     if illumination is not None:
         number = np.arange(len(illumination.centre_m)).reshape(len(tx_m), -1)
         illumination = illumination.select(np.concatenate(
             [number[:-1:step], number[-1:]]).ravel())
-    cover = _lit_cover(cover_of, map_db, *echoes, radar, illumination) if illumination else (
+    cover = _weighed_cover(cover_of, map_db, *echoes, radar, illumination) if illumination else (
         cover_of(map_db))
     if cover is None:
         raise ValueError('the map is too small, too near, around or beside the aperture for a '
@@ -268,9 +268,10 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     return cover, remaining_db(target_db, cover.polar_to_map_db)
 
 
-def _lit_cover(cover_of, error_db: float, tx_m, rx_m, radar, illumination) -> PolarCover | None:
+def _weighed_cover(cover_of, error_db: float, tx_m, rx_m, radar, illumination
+                   ) -> PolarCover | None:
     """Cover, and what reading amplitudes errs; ``cover_of(error_db, illumination)`` gives one."""
-    planner = LitPolar(illumination, tx_m, rx_m, radar)
+    planner = WeighedPolar(illumination, tx_m, rx_m, radar)
     found = planner.cover(lambda wanted: cover_of(wanted, illumination), error_db)
     if found is not None:
         return found

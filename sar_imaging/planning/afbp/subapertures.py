@@ -58,7 +58,7 @@ from .beams import (
     least_operations,
     plan_beams,
 )
-from .lit_subapertures import (
+from .illumination import (
     AmplitudeError,
     AmplitudeNodes,
     SubapertureAmplitudes,
@@ -171,16 +171,16 @@ def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters,
     tx_m, rx_m = tx_m.reshape(-1, 3), rx_m.reshape(-1, 3)
     length, by_range, slope = half_paths(tx_m, rx_m, position, along_range, along_alpha)
     # Corners of a cell that is lit in part count: the scene may end within it.
-    lit = illumination and illumination.may_light(position, (SAMPLES_PER_SIDE,) * 2)
-    some = by_range if lit is None else by_range[lit]
+    illuminated = illumination and illumination.may_light(position, (SAMPLES_PER_SIDE,) * 2)
+    some = by_range if illuminated is None else by_range[illuminated]
     extremes = float(some.min()), float(some.max())
     if extremes[0] <= 0.1:
         raise ValueError('range does not grow along the lines of the polar grid; it lies beside '
                          'or behind the track, use exact backprojection')
     slope /= by_range
-    if lit is not None:
-        slope = _of_lit_points(slope, lit)
-        by_range = _of_lit_points(by_range, lit).clip(*extremes)
+    if illuminated is not None:
+        slope = _of_illuminated_points(slope, illuminated)
+        by_range = _of_illuminated_points(by_range, illuminated).clip(*extremes)
     half_range = (radar.half_band_rad_per_m * extremes[1] + radar.wavenumbers_rad_per_m[1]
                   * max(1 - extremes[0], extremes[1] - 1))
     middle = len(position) // 2
@@ -198,11 +198,11 @@ def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters,
                          illumination.spread(position, along_alpha))
 
 
-def _of_lit_points(slope, lit) -> np.ndarray:
+def _of_illuminated_points(slope, illuminated) -> np.ndarray:
     """Slopes (R, S) in which the mean of the points that an echo lights stands for the others."""
-    count = lit.sum(axis=1, keepdims=True)
-    mean = (slope * lit).sum(axis=1, keepdims=True) / np.maximum(count, 1)
-    return np.where(lit | (count == 0), slope, mean)
+    count = illuminated.sum(axis=1, keepdims=True)
+    mean = (slope * illuminated).sum(axis=1, keepdims=True) / np.maximum(count, 1)
+    return np.where(illuminated | (count == 0), slope, mean)
 
 
 def ranges_before(polar: PolarGrid, beyond: float) -> int:
@@ -735,7 +735,7 @@ class SubaperturePlan(Plan):
         span = coarse.n_alpha * coarse.alpha_spacing
         counts = beams.operations(n_echoes, resampling, n_pixels, span, n_images)
         if beams.n_weighed:
-            counts['amplitude_node'] = counts['weighed_image'] * self.amplitudes.n_knots(
+            counts['amplitude_node'] = counts['weighed_image'] * self.amplitudes.n_nodes(
                 coarse, beams.segment)
         relative_bandwidth = (n_bins * self.radar.wavelength_m
                               / (2 * resampling.n_cells * resampling.cell_m))

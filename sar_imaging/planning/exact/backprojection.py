@@ -165,7 +165,7 @@ class LinePlan(Plan):
     cost : float
         Nanoseconds per pixel.
     amplitudes : LineAmplitudes or None
-        Knots of the echoes' amplitudes; None where all pixels are lit alike.
+        Nodes of the echoes' amplitudes; None where all pixels are lit alike.
     """
 
     lines: GridLines

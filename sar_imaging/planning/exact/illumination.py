@@ -31,8 +31,8 @@ from ...geometry.half_paths import pair_lengths, pair_paths
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
+from ..echo_pixels import LEAST_DB, EchoPixels
 from ..interpolators import LINE_DEGREE, Interpolator, design_interpolator
-from ..lit_pairs import LEAST_DB, LitPairs
 from ..plan import EXACT_SHARES, error_budget, total_db
 from ..polar_cover import PolarCover
 from ..profiles import (
@@ -110,7 +110,7 @@ class SegmentPhasors:
 
     Parameters
     ----------
-    pairs : LitPairs
+    pairs : EchoPixels
         Pairs of the lines and echoes.
     lines : ImageLines
         Lines of the image.
@@ -127,7 +127,7 @@ class SegmentPhasors:
         Squared error by the expansion of path and phasor alone.
     """
 
-    def __init__(self, pairs: LitPairs, lines: ImageLines, echoes: Echoes,
+    def __init__(self, pairs: EchoPixels, lines: ImageLines, echoes: Echoes,
                  resampling: RangeResampling):
         line, pixel = pairs.index
         half, radar = resampling.segment // 2, echoes.radar
@@ -155,7 +155,7 @@ class SegmentPhasors:
         self.squares = self._beside + pairs.amplitude ** 2 * np.abs(
             _polynomial(self._cubic, f) - self._exact) ** 2
 
-    def lit_squares(self, values) -> np.ndarray:
+    def illuminated_squares(self, values) -> np.ndarray:
         """(n,) squared errors with amplitudes (n, 3) at the ends and in the middle of segments."""
         f, half, cubic = self._place, self._half, self._cubic
         w0 = values[:, 1]
@@ -180,19 +180,19 @@ def _polynomial(coefficients, f) -> np.ndarray:
     return c0 + f * (c1 + f * (c2 + f * c3))
 
 
-LINES = 32  # whose geometry is computed together; knots of every group begin anew
-APART = (32, 16, 8, 4, 2, 1)  # lines between knots
+LINES = 32  # whose geometry is computed together; nodes of every group begin anew
+APART = (32, 16, 8, 4, 2, 1)  # lines between nodes
 _LEAST_SEGMENT = 8
 
 
 @dataclasses.dataclass(frozen=True)
 class LineAmplitudes:
-    """Knots of amplitudes over lines.
+    """Nodes of amplitudes over lines.
 
     Attributes
     ----------
     apart : int
-        Lines between knots, one of `APART`.
+        Lines between nodes, one of `APART`.
     share : float
         Share of all pairs of an echo and a pixel, what is lit and computed.
     predicted_error_db : float
@@ -203,22 +203,22 @@ class LineAmplitudes:
     share: float
     predicted_error_db: float
 
-    def knots(self, locate: Callable, n_lines: int, n_pixels: int, segment: int
+    def nodes(self, locate: Callable, n_lines: int, n_pixels: int, segment: int
               ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """See `knot_positions`."""
-        return knot_positions(locate, n_lines, n_pixels, segment, self.apart)
+        """See `node_positions`."""
+        return node_positions(locate, n_lines, n_pixels, segment, self.apart)
 
     def n_bytes(self, n_lines: int, n_pixels: int, segment: int, n_layers: int = 1) -> int:
-        """Memory of the knots' positions, in float64, and of a pass's amplitudes, in float32."""
-        groups, segments, knots = (-(-n_lines // LINES), -(-n_pixels // segment),
+        """Memory of the nodes' positions, in float64, and of a pass's amplitudes, in float32."""
+        groups, segments, nodes = (-(-n_lines // LINES), -(-n_pixels // segment),
                                    LINES // self.apart + 1)
-        return groups * (knots * (2 * segments + 1) * (24 * n_layers + 4 * ECHOES_PER_PASS)
+        return groups * (nodes * (2 * segments + 1) * (24 * n_layers + 4 * ECHOES_PER_PASS)
                          + segments * ECHOES_PER_PASS)
 
 
-def knot_positions(locate: Callable, n_lines: int, n_pixels: int, segment: int, apart: int
+def node_positions(locate: Callable, n_lines: int, n_pixels: int, segment: int, apart: int
                    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions of the knots over some lines, and how lines lie between them.
+    """Positions of the nodes over some lines, and how lines lie between them.
 
     Parameters
     ----------
@@ -227,27 +227,27 @@ def knot_positions(locate: Callable, n_lines: int, n_pixels: int, segment: int, 
     n_lines, n_pixels, segment : int
         Size of the image, and pixels of a segment.
     apart : int
-        Lines between knots.
+        Lines between nodes.
 
     Returns
     -------
     positions : (3, G, 2 S + 1, K) float64
         Positions of G groups of `LINES` lines, at the ends and middles of S segments and at K
         lines, metres.
-    knot, between : (G, LINES) int64, float32
+    node, between : (G, LINES) int64, float32
         Knot before each line of a group, and the share of the next.
     """
     n_groups, half = -(-n_lines // LINES), segment // 2
     first = np.arange(n_groups)[:, None] * LINES
-    # the last knot of a group lies on the first line of the next, or on the last one of all
-    knots = np.minimum(first + np.arange(LINES // apart + 1) * apart, n_lines - 1)
+    # the last node of a group lies on the first line of the next, or on the last one of all
+    nodes = np.minimum(first + np.arange(LINES // apart + 1) * apart, n_lines - 1)
     places = np.arange(2 * -(-n_pixels // segment) + 1) * half
-    positions = locate(places[:, None], knots[:, None])[0]
+    positions = locate(places[:, None], nodes[:, None])[0]
     line = np.minimum(first + np.arange(LINES), n_lines - 1)
-    knot = np.tile(np.arange(LINES) // apart, (n_groups, 1))
-    before, after = (np.take_along_axis(knots, knot + i, axis=1) for i in (0, 1))
+    node = np.tile(np.arange(LINES) // apart, (n_groups, 1))
+    before, after = (np.take_along_axis(nodes, node + i, axis=1) for i in (0, 1))
     between = np.where(after > before, (line - before) / np.maximum(after - before, 1), 0.0)
-    return (np.ascontiguousarray(np.moveaxis(positions, -1, 0)), knot,
+    return (np.ascontiguousarray(np.moveaxis(positions, -1, 0)), node,
             between.astype(np.float32))
 
 
@@ -269,9 +269,9 @@ def plan_line_amplitudes(illumination: Illumination, lines: GridLines, tx_m, rx_
 
 
 def plan_weighed_segments(illumination: Illumination, lines: ImageLines, echoes: Echoes,
-                          resampling: RangeResampling, profiles_db: float, lit_db: float
-                          ) -> tuple[RangeResampling | None, LineAmplitudes | None, LitPairs]:
-    """Knots over lines, with shorter segments where phasors or amplitudes bend much.
+                          resampling: RangeResampling, profiles_db: float, amplitudes_db: float
+                          ) -> tuple[RangeResampling | None, LineAmplitudes | None, EchoPixels]:
+    """Nodes over lines, with shorter segments where phasors or amplitudes bend much.
 
     Parameters
     ----------
@@ -281,7 +281,7 @@ def plan_weighed_segments(illumination: Illumination, lines: ImageLines, echoes:
         Of the image, and what is added to it.
     resampling : RangeResampling
         For the lines without illumination.
-    profiles_db, lit_db : float
+    profiles_db, amplitudes_db : float
         Wanted errors of reading the profiles, and of the amplitudes, dB.
 
     Returns
@@ -290,19 +290,19 @@ def plan_weighed_segments(illumination: Illumination, lines: ImageLines, echoes:
         With the error of what is lit; None where no segments are short enough.
     amplitudes : LineAmplitudes or None
         Likewise.
-    pairs : LitPairs
+    pairs : EchoPixels
         Pairs of which the errors were told.
     """
-    pairs = LitPairs.draw(illumination, lines.positions, (lines.n_lines, lines.n_pixels),
-                          (LINES, max(resampling.segment // 2, 1)), flat=lines.flat)
+    pairs = EchoPixels.draw(illumination, lines.positions, (lines.n_lines, lines.n_pixels),
+                            (LINES, max(resampling.segment // 2, 1)), flat=lines.flat)
     if not len(pairs):
         return resampling, LineAmplitudes(APART[0], pairs.share, LEAST_DB), pairs
     while True:
         phasors = SegmentPhasors(pairs, lines, echoes, resampling)
         fitted = _fitted(resampling, phasors, pairs, echoes.radar)
-        amplitudes = _fewest_knots(pairs, lines, phasors, resampling.segment, lit_db)
+        amplitudes = _fewest_nodes(pairs, lines, phasors, resampling.segment, amplitudes_db)
         if (fitted is not None and fitted.predicted_error_db <= profiles_db
-                and amplitudes.predicted_error_db <= lit_db):
+                and amplitudes.predicted_error_db <= amplitudes_db):
             return fitted, amplitudes, pairs
         if resampling.segment <= _LEAST_SEGMENT:
             return None, None, pairs
@@ -322,26 +322,26 @@ def _fitted(resampling, phasors, pairs, radar) -> RangeResampling | None:
         pairs.error_db(read + phasors.squares)))
 
 
-def _fewest_knots(pairs, lines, phasors, segment: int, wanted_db: float) -> LineAmplitudes:
-    """Lines between knots that meet an error, or the best there are."""
+def _fewest_nodes(pairs, lines, phasors, segment: int, wanted_db: float) -> LineAmplitudes:
+    """Lines between nodes that meet an error, or the best there are."""
     line, pixel = pairs.index
     half = max(segment // 2, 1)
-    knot = (pixel // segment * segment)[:, None] + half * np.arange(3)
+    node = (pixel // segment * segment)[:, None] + half * np.arange(3)
     expansion = pairs.error(phasors.squares)
     for apart in APART:
         first = line // apart * apart
         last = np.minimum(first + apart, lines.n_lines - 1)
-        ends = [pairs.amplitude_at(lines.positions(at[:, None], knot)) for at in (first, last)]
+        ends = [pairs.amplitude_at(lines.positions(at[:, None], node)) for at in (first, last)]
         across = ((line - first) / np.maximum(last - first, 1))[:, None]
         values = ends[0] + across * (ends[1] - ends[0])
-        error = pairs.error(phasors.lit_squares(values)) - expansion
+        error = pairs.error(phasors.illuminated_squares(values)) - expansion
         error_db = 10 * math.log10(max(error, 0.0) + 10 ** (LEAST_DB / 10))
         if error_db <= wanted_db:
             break
     return LineAmplitudes(apart, _share_of_tiles(pairs, lines, segment), error_db)
 
 
-def _share_of_tiles(pairs: LitPairs, lines: ImageLines, segment: int) -> float:
+def _share_of_tiles(pairs: EchoPixels, lines: ImageLines, segment: int) -> float:
     """Share of the pairs in tiles of which a part is lit, from pairs that are."""
     lit, along = pairs.amplitude > 0, 0.5 * np.array([-segment, segment])
     line, pixel = pairs.index
@@ -380,21 +380,21 @@ class PointAmplitudes:
     dearer: float
     predicted_error_db: float
 
-    def knots(self, shape: tuple[int, int], tile: tuple[int, int]) -> list[np.ndarray]:
-        """Rows and columns of the knots of tiles, (K,) int64 each."""
+    def nodes(self, shape: tuple[int, int], tile: tuple[int, int]) -> list[np.ndarray]:
+        """Rows and columns of the nodes of tiles, (K,) int64 each."""
         sides = (1, 1) if self.each else tile
-        return [knot_numbers(*sizes) for sizes in zip(shape, sides, strict=True)]
+        return [node_numbers(*sizes) for sizes in zip(shape, sides, strict=True)]
 
     def n_bytes(self, shape: tuple[int, int], tile: tuple[int, int]) -> int:
-        """Memory of the knots' positions, in float64, and of a pass's amplitudes, in float32."""
-        return math.prod(map(len, self.knots(shape, tile))) * (24 + 4 * ECHOES_PER_PASS)
+        """Memory of the nodes' positions, in float64, and of a pass's amplitudes, in float32."""
+        return math.prod(map(len, self.nodes(shape, tile))) * (24 + 4 * ECHOES_PER_PASS)
 
 
-def knot_numbers(size: int, side: int) -> np.ndarray:
-    """(K,) int64 numbers of the points of an axis that are knots of its tiles.
+def node_numbers(size: int, side: int) -> np.ndarray:
+    """(K,) int64 numbers of the points of an axis that are nodes of its tiles.
 
-    A tile's last knot is the first point of the next tile, or the last of all. Tiles of one point
-    along the axis share one knot.
+    A tile's last node is the first point of the next tile, or the last of all. Tiles of one point
+    along the axis share one node.
     """
     if side == 1:
         return np.zeros(1, np.int64)
@@ -405,7 +405,7 @@ def knot_numbers(size: int, side: int) -> np.ndarray:
 
 def plan_point_amplitudes(illumination: Illumination, positions: Callable, shape: tuple[int, int],
                           tiles, wanted_db: float
-                          ) -> tuple[tuple[int, int], PointAmplitudes, LitPairs]:
+                          ) -> tuple[tuple[int, int], PointAmplitudes, EchoPixels]:
     """Choose the largest tile over which parabolas meet an error.
 
     Where none does, amplitudes are found at each point, in the first tile. Returned are also the
@@ -426,7 +426,7 @@ def plan_point_amplitudes(illumination: Illumination, positions: Callable, shape
 
 
 def draw_points(illumination: Illumination, positions: Callable, shape: tuple[int, int],
-                tile: tuple[int, int]) -> LitPairs:
+                tile: tuple[int, int]) -> EchoPixels:
     """Pairs of an echo and a point in tiles that may be lit; positions as of
     `plan_point_amplitudes`.
     """
@@ -434,22 +434,22 @@ def draw_points(illumination: Illumination, positions: Callable, shape: tuple[in
         return positions(*(np.clip(i, 0, size - 1).astype(np.int64)
                            for i, size in zip(index, shape, strict=True)))
 
-    return LitPairs.draw(illumination, clipped, shape, tile, flat=False)
+    return EchoPixels.draw(illumination, clipped, shape, tile, flat=False)
 
 
-def tile_error_db(pairs: LitPairs, positions: Callable, shape: tuple[int, int],
+def tile_error_db(pairs: EchoPixels, positions: Callable, shape: tuple[int, int],
                   tile: tuple[int, int]) -> tuple[float, float]:
     """Error of interpolated amplitudes, dB, and the share of dark corners of lit tiles."""
-    weights, knots = [], []
+    weights, nodes = [], []
     for at, side, size in zip(pairs.index, tile, shape, strict=True):
         first = at // side * side
         last = np.minimum(first + side, size - 1)
         some = [first + (last - first) * part // 2 for part in range(3)] if side > 1 else [first]
         weights.append(_lagrange(at, some))
-        knots.append(some)
+        nodes.append(some)
     found, dark, lit = np.zeros(len(pairs)), [], pairs.amplitude > 0
-    for row, v in zip(knots[0], weights[0], strict=True):
-        for column, u in zip(knots[1], weights[1], strict=True):
+    for row, v in zip(nodes[0], weights[0], strict=True):
+        for column, u in zip(nodes[1], weights[1], strict=True):
             value = pairs.amplitude_at(positions(row, column))
             found = found + v * u * value
             dark.append(value[lit] == 0)
@@ -457,7 +457,7 @@ def tile_error_db(pairs: LitPairs, positions: Callable, shape: tuple[int, int],
             float(np.mean(dark)) if lit.any() else 0.0)
 
 
-def _rounded_db(pairs: LitPairs) -> float:
+def _rounded_db(pairs: EchoPixels) -> float:
     """Error because angles off boresight are computed in float32, dB."""
     squares, illumination = np.zeros(len(pairs)), pairs.illumination
     distance = np.linalg.norm(pairs.points_m - illumination.centre_m[pairs.echoes], axis=1)
@@ -469,14 +469,14 @@ def _rounded_db(pairs: LitPairs) -> float:
     return pairs.error_db(squares)
 
 
-def _lagrange(at, knots) -> list[np.ndarray]:
-    """Weights of values at one knot or three, as the compiled loops have them."""
-    if len(knots) == 1:
+def _lagrange(at, nodes) -> list[np.ndarray]:
+    """Weights of values at one node or three, as the compiled loops have them."""
+    if len(nodes) == 1:
         return [np.ones(len(at))]
-    length = np.maximum(knots[-1] - knots[0], 1)
-    t = (at - knots[0]) / length
-    m = (knots[1] - knots[0]) / length
-    bent = knots[1] > knots[0]  # three points at least
+    length = np.maximum(nodes[-1] - nodes[0], 1)
+    t = (at - nodes[0]) / length
+    m = (nodes[1] - nodes[0]) / length
+    bent = nodes[1] > nodes[0]  # three points at least
     m = np.where(bent, m, 0.5)
     first, second = t / m, t * (t - m) / (1 - m)
     # w0 + (w1 - w0) t / m + (w2 - w1) (t (t - m)) / (1 - m) - (w1 - w0) t (t - m) / m
@@ -490,7 +490,7 @@ _CLOSE_DB = 0.5  # below what is wanted
 _GAIN_TAPS, _THINNED = 96, 4  # over which deapodisation mixes lines; of fewer pairs
 
 
-class LitPolar:
+class WeighedPolar:
     """Plans the polar image of echoes with amplitudes: samples it as finely as these need.
 
     Parameters
@@ -549,13 +549,13 @@ class LitPolar:
         return None
 
     def lines(self, polar: PolarGrid, resampling: RangeResampling, parts: AzimuthParts | None,
-              profiles_db: float, lit_db: float
+              profiles_db: float, amplitudes_db: float
               ) -> tuple[RangeResampling | None, LineAmplitudes | None]:
         """How the lines of an image, or of images of its parts, read the profiles."""
         starts = (0,) if parts is None else tuple(e.start for e in parts.echoes)
         echoes = Echoes(self._tx_m, self._rx_m, starts, self._radar)
         return plan_weighed_segments(self._illumination, ImageLines.of_polar(polar), echoes,
-                                     resampling, profiles_db, lit_db)[:2]
+                                     resampling, profiles_db, amplitudes_db)[:2]
 
 
 class _PolarReading:
@@ -575,7 +575,7 @@ class _PolarReading:
         grid, polar = cover.grid, cover.polar
         reach_m = max(cover.along.n_taps * polar.range_spacing_m,
                       cover.between.n_taps * polar.alpha_spacing * polar.range_m[-1]) / 2
-        self.pairs = pairs = LitPairs.draw(
+        self.pairs = pairs = EchoPixels.draw(
             illumination, functools.partial(even_positions, grid), grid.shape,
             (math.ceil(reach_m / grid.spacing_m),) * 2)
         if cover.between.deapodised:

@@ -168,7 +168,7 @@ class PolarPlan(Plan):
     cost : float
         Nanoseconds per map pixel.
     amplitudes : LineAmplitudes or None
-        Knots of the echoes' amplitudes; None where all pixels are lit alike.
+        Nodes of the echoes' amplitudes; None where all pixels are lit alike.
     """
 
     polar: PolarGrid
@@ -226,9 +226,9 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     cover_of = functools.partial(cover_map, grid, tx_m, rx_m, radar, n_samples,
                                  profiles_db=profiles_db, illumination=illumination)
     if illumination is not None:
-        from .illumination import LitPolar
+        from .illumination import WeighedPolar
 
-        planner = LitPolar(illumination, tx_m, rx_m, radar)
+        planner = WeighedPolar(illumination, tx_m, rx_m, radar)
     cover = planner.cover(cover_of, map_db) if planner else cover_of(map_db)
     if cover is None:
         return None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...device_arrays import beside, to_host
-from ..lit_pairs import below, pair_amplitude, spread_evenly
+from ..echo_pixels import below, pair_amplitude, spread_evenly
 from .points import ImagePoints
 
 if TYPE_CHECKING:

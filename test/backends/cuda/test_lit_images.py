@@ -97,10 +97,10 @@ def test_polar_images(make_scene, error_db, route):
 @pytest.mark.parametrize(('tile', 'each'), [
     ((4, 4), False), ((8, 8), False), ((1, 16), False), ((4, 4), True)])
 def test_points(scene, error_db, tile, each):
-    """Parabolas over tiles, and amplitudes of each point where a knot is missing."""
+    """Parabolas over tiles, and amplitudes of each point where a node is missing."""
     points = scene.grid.points()
     points[..., 2] += 3.0 * np.exp(-points[..., 1] ** 2)
-    points[4, 4, 2] = np.nan  # a knot of tiles of 4 x 4
+    points[4, 4, 2] = np.nan  # a node of tiles of 4 x 4
     if tile[0] == 1:
         points = points[4:5]
     grid = ImagePoints.of_grid(PointGrid(points))

@@ -23,9 +23,9 @@ from ...geometry.polar import PolarGrid
 from ...geometry.track import mean_centres
 from ...signal.pulses import PulseBlock
 from ...signal.radar import RadarParameters
+from ..echo_pixels import MOST_PAIRS, EchoPixels, bounded_ratio, pair_amplitude
 from ..echo_power import echo_power
 from ..exact.illumination import Echoes, ImageLines, LineAmplitudes, plan_weighed_segments
-from ..lit_pairs import MOST_PAIRS, LitPairs, bounded_ratio, pair_amplitude
 from ..plan import AFBP_SHARES, error_budget
 from ..profiles import RangeResampling
 from .beams import BeamSampling
@@ -64,16 +64,16 @@ class SubapertureAmplitudes:
     predicted_error_db: float
     by_channel: bool = False
 
-    def n_knots(self, coarse: PolarGrid, segment: int) -> int:
-        """Knots of the amplitudes of an image from beams: the ends of segments of its lines."""
+    def n_nodes(self, coarse: PolarGrid, segment: int) -> int:
+        """Nodes of the amplitudes of an image from beams: the ends of segments of its lines."""
         return coarse.n_alpha * (-(-coarse.n_range // segment) + 1)
 
     def n_bytes(self, coarse: PolarGrid, segment: int) -> int:
         """Memory that amplitudes take, with so many ranges of `coarse` to a segment, bytes."""
         if self.lines is not None:
             return self.illumination.n_bytes + self.lines.n_bytes(*coarse.shape, segment)
-        # of each knot three coordinates in float64, and three coefficients in float32
-        return self.illumination.n_bytes + 36 * self.n_knots(coarse, segment)
+        # of each node three coordinates in float64, and three coefficients in float32
+        return self.illumination.n_bytes + 36 * self.n_nodes(coarse, segment)
 
     def of_subaperture(self, polar: PolarGrid, radar: RadarParameters, tx_m, rx_m,
                        illumination: Illumination) -> tuple[float, float]:
@@ -183,7 +183,7 @@ class AmplitudeError:
         self._places = (illumination.centre_m[:, :2] - origin) @ track
         self._middles = Illumination(illumination.pattern, middles,
                                      illumination.axes[::self._n_channels])
-        pairs = LitPairs.draw(illumination, polar.positions, polar.shape, most=most_pairs)
+        pairs = EchoPixels.draw(illumination, polar.positions, polar.shape, most=most_pairs)
         self._echoes, self._points = pairs.echoes, pairs.points_m
         self.share, self.power = pairs.share, pairs.power
         centre, beside = polar.locate(polar.n_range // 2, polar.n_alpha // 2)[:2]

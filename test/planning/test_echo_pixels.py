@@ -12,7 +12,7 @@ from sar_imaging.geometry import MapGrid
 from sar_imaging.geometry.grids import even_positions
 from sar_imaging.geometry.half_paths import pair_lengths, pair_paths, sample_paths
 from sar_imaging.geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
-from sar_imaging.planning.lit_pairs import LitPairs, _cells_to_draw
+from sar_imaging.planning.echo_pixels import EchoPixels, _cells_to_draw
 
 GRID = MapGrid((0.0, 400.0, 0.0), 44, 36, 1.0)
 POSITIONS = functools.partial(even_positions, GRID)
@@ -54,7 +54,7 @@ def test_pairs_stand_for_the_image(seed, width):
     lit = _illumination(seed, width)
     amplitude = lit.amplitude(GRID.points())
     assume((amplitude > 0).mean() > 1e-3)
-    pairs = LitPairs.draw(lit, POSITIONS, GRID.shape, (6, 6))
+    pairs = EchoPixels.draw(lit, POSITIONS, GRID.shape, (6, 6))
     # 1024 pairs and more know a share to 3 to 10 %; bright ones are fewer
     assert pairs.share == pytest.approx((amplitude > 0).mean(), rel=0.15)
     assert pairs.power == pytest.approx((amplitude ** 2).mean(), rel=0.3)
@@ -67,7 +67,7 @@ def test_an_error_of_few_pairs_is_bounded():
     rng, above = np.random.default_rng(0), 0
     for _ in range(200):
         wrong = (rng.random(4096) < 0.005).astype(float)
-        pairs = LitPairs(None, np.zeros(4096, int), (), None, rng.uniform(0, 1, 4096), None, 1.0)
+        pairs = EchoPixels(None, np.zeros(4096, int), (), None, rng.uniform(0, 1, 4096), None, 1.0)
         above += pairs.error(wrong) > 0.005 / (1 / 3)
     assert above > 180
     assert pairs.error(np.zeros(4096)) == 0.0

@@ -30,7 +30,7 @@ _RATIO = 1.1347241384015194  # root of x^6 = x + 1: Roberts' sequence in five di
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class LitPairs:
+class EchoPixels:
     """Echoes and pixels, evenly drawn of all pairs that are lit or beside a lit one.
 
     Attributes
@@ -62,7 +62,7 @@ class LitPairs:
     @classmethod
     def draw(cls, illumination: Illumination, positions: Callable, shape: tuple[int, ...],
              beside: tuple[int, ...] = (), most: int = MOST_PAIRS, *, flat: bool = True
-             ) -> LitPairs:
+             ) -> EchoPixels:
         """Draw pairs.
 
         Parameters
@@ -83,8 +83,8 @@ class LitPairs:
         """
         beside = beside or (0,) * len(shape)
         cells = _cells_to_draw(illumination, positions, shape, beside, flat)
-        found, seen, n_lit, n = [], 0, 0, min(_PAIRS, most)
-        while n_lit < _ENOUGH and seen < most and len(cells[0]):
+        found, seen, n_illuminated, n = [], 0, 0, min(_PAIRS, most)
+        while n_illuminated < _ENOUGH and seen < most and len(cells[0]):
             unit = spread_evenly(seen, n)
             number = below(unit[0] * len(cells[0]), len(cells[0]))
             echoes, index = cells[0][number], [
@@ -93,7 +93,7 @@ class LitPairs:
             points = positions(*index)
             amplitude = np.nan_to_num(pair_amplitude(illumination, echoes, points))
             some = amplitude > 0
-            n_lit += np.count_nonzero(some)
+            n_illuminated += np.count_nonzero(some)
             for axis, step in enumerate(beside):
                 for there in (s * step for s in _BESIDE if step):
                     dark = np.flatnonzero(~some)
@@ -110,13 +110,13 @@ class LitPairs:
             *found, strict=True))
         drawn = len(cells[0]) / (len(illumination.centre_m) * _CELLS ** len(shape))
         return cls(illumination, echoes, tuple(index), points, amplitude, place,
-                   float(drawn * n_lit / seen))
+                   float(drawn * n_illuminated / seen))
 
     def __len__(self) -> int:
         """Number of pairs."""
         return len(self.echoes)
 
-    def thinned(self, step: int) -> LitPairs:
+    def thinned(self, step: int) -> EchoPixels:
         """One of every so many."""
         some = slice(None, None, step)
         return dataclasses.replace(
@@ -126,8 +126,10 @@ class LitPairs:
     @property
     def power(self) -> float:
         """Mean square of the amplitude over all pairs of an echo and a pixel."""
-        n_lit = np.count_nonzero(self.amplitude)
-        return self.share * float(np.sum(self.amplitude ** 2)) / n_lit if n_lit else 0.0
+        n_illuminated = np.count_nonzero(self.amplitude)
+        if not n_illuminated:
+            return 0.0
+        return self.share * float(np.sum(self.amplitude ** 2)) / n_illuminated
 
     def amplitude_at(self, points_m) -> np.ndarray:
         """(n, ...) amplitudes of the echoes, each at points (n, ..., 3), metres."""
