@@ -544,6 +544,19 @@ def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, w
     """
     runs, common, cycles_per_bin, n_cells = bins
     order, shift, carrier, slope, beside, middle_step, phasor_step = phasors
+    base_re, base_im, middle_re, middle_im, middle_steps, echoes, phasor_re, phasor_im, sums = work
+    for task in numba.prange(len(echoes) // (ECHOES * 4 * LANES)):
+        _form_runs(np.int64(task), samples, shape, (runs, common, cycles_per_bin, n_cells), weight,
+                   (order, shift, carrier, slope, beside, middle_step, phasor_step), gain, group,
+                   out, jobs, (base_re, base_im, middle_re, middle_im, middle_steps, echoes,
+                               phasor_re, phasor_im, sums))
+
+
+@njit(distinct=True, fastmath=DETERMINISTIC)
+def _form_runs(task, samples, shape, bins, weight, phasors, gain, group, out, jobs, work):
+    """What a task of `_form_beams` does."""
+    runs, common, cycles_per_bin, n_cells = bins
+    order, shift, carrier, slope, beside, middle_step, phasor_step = phasors
     log_gain, gain_step = gain
     base_re, base_im, middle_re, middle_im, middle_steps, echoes, phasor_re, phasor_im, sums = work
     n_bins, n_beams, n_out = shape
@@ -552,76 +565,75 @@ def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, w
     n_middles, n_phasors = n_groups * n_echoes * LANES, len(beside)
     n_blocks = n_phasors // (n_groups * half * ECHOES)
     per_block = n_echoes // n_blocks
-    vector_middle, n_tasks = 0.5 * (LANES - 1), len(echoes) // (ECHOES * 4 * LANES)
-    for task in numba.prange(n_tasks):
+    vector_middle = 0.5 * (LANES - 1)
+    run = take_job(jobs)
+    while run < len(runs):
+        for m in range(run * n_beams // len(runs), (run + 1) * n_beams // len(runs)):
+            for i in range(_u(2 * (m * n_out + (kept + 1) // 2)),
+                           _u(2 * (m * n_out + n_cells - kept // 2))):
+                out[i] = 0.0
+        first, target, number, left = runs[run, 0], runs[run, 1], runs[run, 2], runs[run, 3]
+        base, first_middle, phasor = task * BINS * n_echoes, task * n_middles, task * n_phasors
+        echo, total = task * ECHOES * 4 * LANES, task * 4 * half * BINS
+        n_steps = n_groups * n_echoes
+        steps = 2 * task * n_steps
+        ends = (cycles_per_bin[0] + (number + _GAUSS * left) * cycles_per_bin[1],
+                cycles_per_bin[0] + (number + (1.0 - _GAUSS) * left) * cycles_per_bin[1])
+        for k in range(n_steps):
+            cycles = cycles_per_bin[1] * shift[k]
+            start = fraction(carrier[k] + number * cycles)
+            grown = _read_table(log_gain, np.abs(slope[k] * ends[0]) / gain_step)
+            rate = _read_table(log_gain, np.abs(slope[k] * ends[1]) / gain_step) - grown
+            rate /= (1.0 - 2.0 * _GAUSS) * left
+            first_gain = np.float32(np.exp(grown - _GAUSS * left * rate))
+            to, x = _u(first_middle + k * LANES), np.float32(rate)
+            for i in range(LANES):
+                c = np.float32(fraction(start + i * cycles))
+                gain = first_gain * _exp(x * np.float32(i))
+                middle_re[to + _u(i)] = gain * cos_cycles(c * c)
+                middle_im[to + _u(i)] = gain * sin_cycles(c, c * c)
+            gain = _exp(x * np.float32(LANES))
+            middle_steps[_u(steps + k)] = gain * middle_step[_u(k)]
+            middle_steps[_u(steps + n_steps + k)] = gain * middle_step[_u(n_steps + k)]
+        per_metre = cycles_per_bin[0] + (number + vector_middle) * cycles_per_bin[1]
+        for k in range(_u(n_phasors)):
+            c = np.float32(fraction(per_metre * beside[k]))
+            phasor_re[_u(phasor) + k] = cos_cycles(c * c)
+            phasor_im[_u(phasor) + k] = sin_cycles(c, c * c)
+        while left > 0:
+            count = min(left, BINS)
+            n_vectors = (count + LANES - 1) // LANES
+            _load_echoes(samples, n_bins, first, count, common, weight, order, per_block,
+                       base_re, base_im, base)
+            for g in range(n_groups):
+                for i in range(_u(4 * half * BINS)):
+                    sums[_u(total) + i] = 0.0
+                for b in range(g * n_blocks, (g + 1) * n_blocks):
+                    source = base + (b - g * n_blocks) * per_block * BINS
+                    for v in range(n_vectors):
+                        _fill_echoes(base_re, base_im, source + v * per_block * LANES,
+                                     middle_re, middle_im,
+                                     first_middle + b * per_block * LANES, middle_steps,
+                                     steps + b * per_block, n_steps, per_block, echoes, echo)
+                        add_echoes(echoes, _u(echo), phasor_re, phasor_im,
+                                   _u(phasor + b * half * ECHOES), _u(half), sums,
+                                   _u(total + 4 * v * half * LANES))
+                        now, step = _u(phasor + b * half * ECHOES), _u(b * half * ECHOES)
+                        for i in range(_u(half * ECHOES)):
+                            cosine, sine = phasor_re[now + i], phasor_im[now + i]
+                            re = phasor_step[step + i]
+                            im = phasor_step[_u(n_phasors) + step + i]
+                            phasor_re[now + i] = cosine * re - sine * im
+                            phasor_im[now + i] = cosine * im + sine * re
+                n_some = min(group, n_beams - g * group)
+                for m in range(n_some):
+                    source = total + 4 * min(m, n_some - 1 - m) * LANES
+                    side = np.float32(1.0 if 2 * m < n_some else -1.0)
+                    to = 2 * ((g * group + m) * n_out + target)
+                    _put_beam(sums, source, half, count, side, out, to)
+            first, target, left = first + count, target + count, left - count
+            number += count
         run = take_job(jobs)
-        while run < len(runs):
-            for m in range(run * n_beams // len(runs), (run + 1) * n_beams // len(runs)):
-                for i in range(_u(2 * (m * n_out + (kept + 1) // 2)),
-                               _u(2 * (m * n_out + n_cells - kept // 2))):
-                    out[i] = 0.0
-            first, target, number, left = runs[run, 0], runs[run, 1], runs[run, 2], runs[run, 3]
-            base, first_middle, phasor = task * BINS * n_echoes, task * n_middles, task * n_phasors
-            echo, total = task * ECHOES * 4 * LANES, task * 4 * half * BINS
-            n_steps = n_groups * n_echoes
-            steps = 2 * task * n_steps
-            ends = (cycles_per_bin[0] + (number + _GAUSS * left) * cycles_per_bin[1],
-                    cycles_per_bin[0] + (number + (1.0 - _GAUSS) * left) * cycles_per_bin[1])
-            for k in range(n_steps):
-                cycles = cycles_per_bin[1] * shift[k]
-                start = fraction(carrier[k] + number * cycles)
-                grown = _read_table(log_gain, np.abs(slope[k] * ends[0]) / gain_step)
-                rate = _read_table(log_gain, np.abs(slope[k] * ends[1]) / gain_step) - grown
-                rate /= (1.0 - 2.0 * _GAUSS) * left
-                first_gain = np.float32(np.exp(grown - _GAUSS * left * rate))
-                to, x = _u(first_middle + k * LANES), np.float32(rate)
-                for i in range(LANES):
-                    c = np.float32(fraction(start + i * cycles))
-                    gain = first_gain * _exp(x * np.float32(i))
-                    middle_re[to + _u(i)] = gain * cos_cycles(c * c)
-                    middle_im[to + _u(i)] = gain * sin_cycles(c, c * c)
-                gain = _exp(x * np.float32(LANES))
-                middle_steps[_u(steps + k)] = gain * middle_step[_u(k)]
-                middle_steps[_u(steps + n_steps + k)] = gain * middle_step[_u(n_steps + k)]
-            per_metre = cycles_per_bin[0] + (number + vector_middle) * cycles_per_bin[1]
-            for k in range(_u(n_phasors)):
-                c = np.float32(fraction(per_metre * beside[k]))
-                phasor_re[_u(phasor) + k] = cos_cycles(c * c)
-                phasor_im[_u(phasor) + k] = sin_cycles(c, c * c)
-            while left > 0:
-                count = min(left, BINS)
-                n_vectors = (count + LANES - 1) // LANES
-                _load_echoes(samples, n_bins, first, count, common, weight, order, per_block,
-                           base_re, base_im, base)
-                for g in range(n_groups):
-                    for i in range(_u(4 * half * BINS)):
-                        sums[_u(total) + i] = 0.0
-                    for b in range(g * n_blocks, (g + 1) * n_blocks):
-                        source = base + (b - g * n_blocks) * per_block * BINS
-                        for v in range(n_vectors):
-                            _fill_echoes(base_re, base_im, source + v * per_block * LANES,
-                                         middle_re, middle_im,
-                                         first_middle + b * per_block * LANES, middle_steps,
-                                         steps + b * per_block, n_steps, per_block, echoes, echo)
-                            add_echoes(echoes, _u(echo), phasor_re, phasor_im,
-                                       _u(phasor + b * half * ECHOES), _u(half), sums,
-                                       _u(total + 4 * v * half * LANES))
-                            now, step = _u(phasor + b * half * ECHOES), _u(b * half * ECHOES)
-                            for i in range(_u(half * ECHOES)):
-                                cosine, sine = phasor_re[now + i], phasor_im[now + i]
-                                re = phasor_step[step + i]
-                                im = phasor_step[_u(n_phasors) + step + i]
-                                phasor_re[now + i] = cosine * re - sine * im
-                                phasor_im[now + i] = cosine * im + sine * re
-                    n_some = min(group, n_beams - g * group)
-                    for m in range(n_some):
-                        source = total + 4 * min(m, n_some - 1 - m) * LANES
-                        side = np.float32(1.0 if 2 * m < n_some else -1.0)
-                        to = 2 * ((g * group + m) * n_out + target)
-                        _put_beam(sums, source, half, count, side, out, to)
-                first, target, left = first + count, target + count, left - count
-                number += count
-            run = take_job(jobs)
 
 
 @njit(inline='always')
