@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike
 
 from .track import main_axis
 
+_ROBERTS = 1.1347241384015194  # root of x^6 = x + 1: his sequence in five dimensions
+
 
 @runtime_checkable
 class Grid(Protocol):
@@ -65,6 +67,20 @@ def even_positions(grid: EvenGrid, *index: ArrayLike) -> np.ndarray:
     """(..., 3) float64 positions of some pixels of a grid with equal steps, metres."""
     return sum((np.multiply.outer(np.asarray(i, float), step)
                 for i, step in zip(index, grid.steps_m, strict=True)), np.array(grid.origin_m))
+
+
+def spread_evenly(first: int, n: int) -> np.ndarray:
+    """(5, n) numbers from 0 to 1 that fill space evenly, from one of Roberts' sequence on.
+
+    For an echo, up to three axes of an image, and one thing more.
+    """
+    step = _ROBERTS ** -np.arange(1, 6)
+    return (0.5 + np.multiply.outer(step, np.arange(first + 1, first + n + 1))) % 1.0
+
+
+def below(place: np.ndarray, size: int) -> np.ndarray:
+    """(n,) int64 whole numbers below a size, of places from 0 to it."""
+    return np.minimum(place.astype(np.int64), size - 1)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -724,3 +724,9 @@ class Illumination:
         points = np.asarray(points_m, np.float64)
         between = (slice(None), *[None] * (points.ndim - 1))
         return self.pattern.amplitude(points - self.centre_m[between], self.axes[between])
+
+    def of_pairs(self, echoes: np.ndarray, points_m: np.ndarray) -> np.ndarray:
+        """(n, ...) float64 two-way amplitudes of echoes (n,), each at its points (n, ..., 3)."""
+        between = (slice(None), *[None] * (points_m.ndim - 2))
+        return self.pattern.amplitude(points_m - self.centre_m[echoes][between],
+                                      self.axes[echoes][between])

@@ -16,6 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..geometry.grids import below, spread_evenly
 from ..geometry.half_paths import pair_lengths
 from ..geometry.illumination import Illumination
 
@@ -25,8 +26,6 @@ _CELLS, _ECHOES_AT_ONCE = 4, 4096  # of an image along each axis; those that see
 _BESIDE = -1.0, -1 / 3, 1 / 3, 1.0  # of how far dark pairs count
 _PAIRS, _ENOUGH = 4096, 1024  # drawn at once, and lit ones after which no more are drawn
 _STANDARD_ERRORS = 2.0
-_DIMENSIONS = 5  # an echo, up to three axes, and a wavenumber
-_RATIO = 1.1347241384015194  # root of x^6 = x + 1: Roberts' sequence in five dimensions
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -91,15 +90,14 @@ class EchoPixels:
                 below((cell[number] + u) * (size / _CELLS), size)
                 for cell, u, size in zip(cells[1:], unit[1:], shape, strict=False)]
             points = positions(*index)
-            amplitude = np.nan_to_num(pair_amplitude(illumination, echoes, points))
+            amplitude = np.nan_to_num(illumination.of_pairs(echoes, points))
             some = amplitude > 0
             n_illuminated += np.count_nonzero(some)
             for axis, step in enumerate(beside):
                 for there in (s * step for s in _BESIDE if step):
                     dark = np.flatnonzero(~some)
                     moved = [i[dark] + there * (a == axis) for a, i in enumerate(index)]
-                    some[dark] = pair_amplitude(illumination, echoes[dark],
-                                                positions(*moved)) > 0
+                    some[dark] = illumination.of_pairs(echoes[dark], positions(*moved)) > 0
             found.append([a[some] for a in (echoes, amplitude, points, unit[-1], *index)])
             seen += n
             n = min(3 * seen, most - seen)
@@ -133,7 +131,7 @@ class EchoPixels:
 
     def amplitude_at(self, points_m) -> np.ndarray:
         """(n, ...) amplitudes of the echoes, each at points (n, ..., 3), metres."""
-        return pair_amplitude(self.illumination, self.echoes, points_m)
+        return self.illumination.of_pairs(self.echoes, points_m)
 
     def error(self, wrong, weight=1.0) -> float:
         """Mean of squared errors over that of the amplitude, and twice its standard error.
@@ -170,24 +168,6 @@ def bounded_ratio(wrong, power) -> float:
         return math.inf
     ratio = missed / total
     return ratio + _STANDARD_ERRORS * math.sqrt(((wrong - ratio * power) ** 2).sum()) / total
-
-
-def pair_amplitude(illumination: Illumination, echoes, points_m) -> np.ndarray:
-    """(n, ...) amplitudes of echoes (n,), each at points (n, ..., 3), metres."""
-    between = (slice(None), *[None] * (points_m.ndim - 2))
-    return illumination.pattern.amplitude(points_m - illumination.centre_m[echoes][between],
-                                          illumination.axes[echoes][between])
-
-
-def spread_evenly(first: int, n: int) -> np.ndarray:
-    """(_DIMENSIONS, n) numbers from 0 to 1 that fill space evenly, from one of a sequence on."""
-    step = _RATIO ** -np.arange(1, _DIMENSIONS + 1)
-    return (0.5 + np.multiply.outer(step, np.arange(first + 1, first + n + 1))) % 1.0
-
-
-def below(place, size: int) -> np.ndarray:
-    """(n,) int64 whole numbers below a size."""
-    return np.minimum(place.astype(np.int64), size - 1)
 
 
 def _cells_to_draw(illumination: Illumination, positions: Callable, shape, beside,

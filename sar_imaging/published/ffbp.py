@@ -1441,16 +1441,19 @@ def merge(child, child_shape, parent, parent_shape, geometry, weights_range, wei
         arrays, because the compiler knows that these do not overlap.
     """
     for group in numba.prange(len(place) // (segment + LANES)):
-        _merge_lines(np.int64(group), child, child_shape[0], child_shape[1], parent,
-                     parent_shape[0], parent_shape[1], geometry, weights_range, weights_alpha,
-                     pairs, segment, index, start, place, line_re, line_im, out_re, out_im)
+        _merge_lines(np.int64(group), child, child_shape, parent, parent_shape, geometry,
+                     (weights_range, weights_alpha), pairs, segment, index, start,
+                     (place, line_re, line_im, out_re, out_im))
 
 
 @njit(distinct=True)
-def _merge_lines(group, child, child_lines, child_n, parent, n_lines, n, geometry, weights_range,
-                 weights_alpha, pairs, segment, index, start, place, line_re, line_im, out_re,
-                 out_im):
+def _merge_lines(group, child, child_shape, parent, parent_shape, geometry, weights, pairs,
+                 segment, index, start, work):
     """Lines of a group; arguments as of `merge`."""
+    weights_range, weights_alpha = weights
+    place, line_re, line_im, out_re, out_im = work
+    n_lines, n = parent_shape
+    child_lines, child_n = child_shape
     du, dv, height_p, height_c = geometry[0], geometry[1], geometry[2], geometry[3]
     step, range_p, range_c = geometry[4], geometry[5], geometry[6]
     cycles_per_pixel = geometry[11]

@@ -23,7 +23,7 @@ from ...geometry.polar import PolarGrid
 from ...geometry.track import mean_centres
 from ...signal.pulses import PulseBlock
 from ...signal.radar import RadarParameters
-from ..echo_pixels import MOST_PAIRS, EchoPixels, bounded_ratio, pair_amplitude
+from ..echo_pixels import MOST_PAIRS, EchoPixels, bounded_ratio
 from ..echo_power import echo_power
 from ..exact.illumination import Echoes, ImageLines, LineAmplitudes, plan_weighed_segments
 from ..plan import AFBP_SHARES, error_budget
@@ -270,7 +270,7 @@ class AmplitudeError:
         seen, places, first = (self._illumination, self._places, channel) if by_channel else (
             self._middles, self._along, 0)
         step = self._n_channels if by_channel else 1
-        value = np.stack([pair_amplitude(seen, n * step + first, self._points) for n in node.T],
+        value = np.stack([seen.of_pairs(n * step + first, self._points) for n in node.T],
                          axis=-1)
         middle = places[(start + length // 2) * step + first]
         a, b, c = parabola(places[node * step + np.reshape(first, (-1, 1))] - middle[:, None],
@@ -278,7 +278,7 @@ class AmplitudeError:
         echoes = pulse * self._n_channels + channel
         # Derivatives count wavenumbers, of which the carrier's is meant.
         u = self._ratio * (self._places[echoes] - middle)
-        true = pair_amplitude(self._illumination, echoes, self._points)
+        true = self._illumination.of_pairs(echoes, self._points)
         return (a + u * (b + u * c) - true) ** 2, true ** 2, echoes
 
     def _along_range(self, coarse: PolarGrid, length_m: float) -> float:
@@ -286,7 +286,7 @@ class AmplitudeError:
         r, alpha = self._polar.from_map(self._points[:, 0], self._points[:, 1])
         first = np.maximum(r - np.random.default_rng(4).uniform(0, length_m, len(r)),
                            coarse.range_start_m)
-        before, after, true = (pair_amplitude(self._illumination, self._echoes, coarse.at(
+        before, after, true = (self._illumination.of_pairs(self._echoes, coarse.at(
             at, alpha)) for at in (first, first + length_m, r))
         wrong = before + (r - first) / length_m * (after - before) - true
         return bounded_ratio(wrong ** 2, true ** 2)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...device_arrays import beside, to_host
-from ..echo_pixels import below, pair_amplitude, spread_evenly
+from ...geometry.grids import below, spread_evenly
 from .points import ImagePoints
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class PulsePower:
             echoes, points, number = echoes[some], points[some], number[some]
         power = np.full(len(echoes), len(tx_m) / _PAIRS)
         if illumination is not None:
-            power *= np.nan_to_num(pair_amplitude(illumination, echoes, points)) ** 2
+            power *= np.nan_to_num(illumination.of_pairs(echoes, points)) ** 2
         return cls(echoes, number.astype(np.int64), power)
 
     def of(self, profiles: np.ndarray) -> float:
