@@ -147,7 +147,7 @@ class ApertureImager(ApertureSequence):
         self.grid = grid
         self._target_db = target_db
         self._height_m = height_m
-        self._keep_pulses, self._warned = keep_pulses, False
+        self._keep_pulses = keep_pulses
         self._method, self._grows, self._backend = method, method == EXACT, backend
         self._image: Image | None = None  # of the aperture being filled, where it grows
         self._illumination = illumination
@@ -183,9 +183,7 @@ class ApertureImager(ApertureSequence):
         image, self._image = self._image or self._plan(aperture.block()), None
         report = image.report
         self._grows = report.method == EXACT
-        if report.warnings and not self._warned:
-            self._warned = True
-            self._report('plan', f'aperture {aperture.number}: {"; ".join(report.warnings)}')
+        self._warn(aperture.number, report.warnings)
         self.statistics.images += 1
         return [ApertureImage(
             to_host(image.samples), self.grid, aperture.centre_ns(), aperture.number,

@@ -264,7 +264,6 @@ class LiveSubapertures(ApertureSequence):
         self._tried = None  # aperture that was to be planned ahead
         self._previous: AperturePulses | None = None
         self._memory.clear()
-        self._warned = False
         self._former: Target | None = None  # the latest that ended, and its plan
         self._again = False  # the leg before was flown again
         self._flight: np.ndarray | None = None  # direction of the leg that a strip follows
@@ -459,10 +458,7 @@ class LiveSubapertures(ApertureSequence):
             self.statistics.plan_seconds = time.perf_counter() - begin
             self.planning_since_s = None
         plan = target.stage.plan
-        if plan.warnings and not self._warned:
-            self._warned = True
-            for warning in plan.warnings:
-                self._report('plan', f'aperture {target.first}: {warning}')
+        self._warn(target.first, plan.warnings)
         if target.revision:
             self._report('plan', f'aperture {target.first} planned anew, its track differs from '
                          f'the one foreseen: {plan}')

@@ -127,3 +127,18 @@ def test_the_power_of_pulses_is_that_at_all_pixels(make_case):
     # 512 pairs of speckle: a standard deviation of 5 %, of half of them 7 %
     assert half.of(block.samples[:, 0]) == pytest.approx(expected, rel=0.25)
     assert whole.of(block.samples[:, 0]) == pytest.approx(2 * expected, rel=0.25)
+
+
+def test_a_stream_is_warned_of_each_thing_once(lonely):
+    """Also of what comes later, and not again when its figures change."""
+    grid, block = _beside(lonely, 20.0), lonely.block
+    long = np.array([1.0, 40.0, 1.0])  # along the track: its ends are far away
+    live = ApertureImager(grid, pulses_per_aperture=128, target_db=-60.0)
+    for number, stretch in enumerate((np.ones(3), np.array([1.0, 1.2, 1.0]), long, long)):
+        live.add(dataclasses.replace(
+            block, counter=block.counter + 128 * number, stamp_ns=block.stamp_ns + 10**9 * number,
+            tx_m=block.tx_m * stretch, rx_m=block.rx_m * stretch))
+    told = [event.text for event in live.take_events() if event.kind == 'plan']
+    assert [_DARK in text for text in told if 'aperture 0' in text] == [True]
+    assert not [text for text in told if 'aperture 1:' in text or 'aperture 3:' in text]
+    assert ['leave the profiles' in text for text in told if 'aperture 2:' in text] == [True]

@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -218,6 +220,7 @@ class ApertureSequence(EventSource):
         self._open: Any = None
         self._closed: int | None = None  # number of the last closed aperture
         self._late: list[int] = []  # counters since the last aperture was closed
+        self._warned: set[str] = set()  # of what, figures left out
 
     @property
     def filling(self) -> int | None:
@@ -344,6 +347,13 @@ class ApertureSequence(EventSource):
                        f'{self.min_pulse_fraction:g}; missing '
                        f'{describe_counters(aperture.missing.tolist())}')
         return short
+
+    def _warn(self, number: int, warnings: Iterable[str]) -> None:
+        """Report an aperture's warnings, each once in a sequence, whatever its figures."""
+        for warning in warnings:
+            if (kind := re.sub(r'[-+.\d]+', '', warning)) not in self._warned:
+                self._warned.add(kind)
+                self._report('plan', f'aperture {number}: {warning}')
 
     def _report_skipped(self, number: int, after: int | None) -> None:
         """Report apertures between two of which no pulse came, as while a stage was down."""
