@@ -1449,7 +1449,7 @@ def merge(child, child_shape, parent, parent_shape, geometry, weights_range, wei
 @njit(distinct=True)
 def _merge_lines(group, child, child_shape, parent, parent_shape, geometry, weights, pairs,
                  segment, index, start, work):
-    """Lines of a group; arguments as of `merge`."""
+    """Lines of one group; `weights` are along range and direction, the rest is as of `merge`."""
     weights_range, weights_alpha = weights
     place, line_re, line_im, out_re, out_im = work
     n_lines, n = parent_shape

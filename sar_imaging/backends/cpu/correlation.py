@@ -73,6 +73,7 @@ def _correlate(first, step, re, im, tx, rx, points, antennas, out):
 
 @njit
 def _correlate_group(group, first, step, re, im, tx, rx, points, antennas, out):
+    """`_LANES` points of `_correlate`."""
     n_pulses, n_channels, n_bins = re.shape
     lo = group * _LANES
     n = min(_LANES, len(points) - lo)
@@ -119,6 +120,7 @@ def _correlate_profiles(samples, tx, rx, points, start_m, spacing_m, cycles_per_
 @njit
 def _correlate_point(i, samples, tx, rx, points, start_m, spacing_m, cycles_per_m, half,
                      sharpness, antennas, image, covered):
+    """One point of `_correlate_profiles`."""
     n_pulses, n_channels, n_samples = samples.shape
     total = 0j
     for m in range(n_pulses):

@@ -193,6 +193,7 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
 @njit(distinct=True)
 def _add_task(task, profiles, tx, rx, repeats, lines, ramp, image, layout, index, work,
               illumination):
+    """Add the echoes to the segments of one task; arguments as of `_project_lines`."""
     planes, n_echoes, n_phases, n_cells, range_zero, step, cycles_per_step, cycles_zero = profiles
     work_re, work_im, paths, coefficients, base = work
     if illumination is not None:
