@@ -26,6 +26,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import traceback
 import types
 from pathlib import Path
 
@@ -282,6 +283,9 @@ def run(module):
         if not isinstance(end.code, int):
             raise
         code = end.code
+    except Exception:
+        traceback.print_exc()
+        code = 1
     threading._shutdown()
     atexit._run_exitfuncs()
     sys.stdout.flush()

@@ -131,6 +131,8 @@ class InputWatch:
                            for name, _ in self._outputs(*sender)) for sender in senders)
 
     def _outputs(self, name: str, namespace: str) -> list[tuple[str, list[str]]]:
+        if not namespace.startswith('/'):  # DDS does not know the node yet, or it is none of ROS
+            return []
         try:
             return self._node.get_publisher_names_and_types_by_node(name, namespace)
         except NodeNameNonExistentError:  # it has just ended

@@ -106,8 +106,9 @@ class ManagedNode(LifecycleNode):
         # Of their own: a service that waits for the worker must not hold up the input.
         self.service_group = MutuallyExclusiveCallbackGroup()
         # Diagnostics follow the wall clock: a paused simulation is no reason to fall silent.
-        self._timer = self.create_timer(DIAGNOSTICS_PERIOD_S, self.publish_diagnostics,
-                                        clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = self.create_timer(
+            DIAGNOSTICS_PERIOD_S, self._outlived(self.publish_diagnostics, 'diagnostics'),
+            clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._jump = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1),
                           on_clock_change=False), post_callback=self._time_jumped)
@@ -167,7 +168,7 @@ class ManagedNode(LifecycleNode):
         """
         with refused(f'QoS override of {topic}: ', QOS_ERRORS):
             subscription = self.create_subscription(
-                message_type, topic, callback, qos,
+                message_type, topic, self._outlived(callback, f'what takes {topic}'), qos,
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
                 event_callbacks=SubscriptionEventCallbacks(
                     incompatible_qos=functools.partial(self.report_incompatible_qos, topic,
@@ -177,7 +178,8 @@ class ManagedNode(LifecycleNode):
 
     def repeat(self, period_s: float, call: Callable[[], None]) -> None:
         """Call something periodically by the wall clock until the node is deactivated."""
-        timer = self.create_timer(period_s, call, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        timer = self.create_timer(period_s, self._outlived(call, 'what the node repeats'),
+                                  clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.activity.callback(self.destroy_timer, timer)
 
     def report_match(self, who: str, topic: str, event) -> None:
@@ -308,6 +310,19 @@ class ManagedNode(LifecycleNode):
         for publisher in outputs:
             self.destroy_publisher(publisher)
         self.parameters.release()
+
+    def _outlived(self, call: Callable[..., None], what: str) -> Callable[..., None]:
+        """A call of the executor whose failure is counted and told; the node lives on."""
+        @functools.wraps(call)
+        def outlived(*arguments):
+            try:
+                call(*arguments)
+            except Exception as error:
+                if not self.context.ok():
+                    raise  # Ctrl-C
+                self.report_error(error, f'{what} failed')
+
+        return outlived
 
     def _time_jumped(self, jump: TimeJump) -> None:
         self.health.info(f'time jumped back by {-jump.delta.nanoseconds / 1e9:.3g} s; apertures '

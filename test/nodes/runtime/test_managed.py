@@ -233,6 +233,17 @@ def test_parts_are_cleaned_up_with_their_node(bench):
     assert {v.key: v.value for v in status.values} == {'images': '0', 'lost': '0'}
 
 
+def test_a_failure_where_input_comes_is_counted_and_the_node_lives_on(bench, monkeypatch, capfd):
+    start(bench)
+    with monkeypatch.context() as broken:
+        broken.setattr(bench.node._worker, 'offer', lambda *_: 1 // 0)
+        bench.send(1)
+        bench.wait_for(errors=1)
+    assert 'ZeroDivisionError' in capfd.readouterr().err
+    bench.send(1)
+    bench.wait_for(errors=1, pulses_held=1)
+
+
 def test_more_lines_than_anybody_reads_are_counted_instead(bench, capfd):
     capfd.readouterr()
     bench.node.publish_diagnostics()  # which begins another period
