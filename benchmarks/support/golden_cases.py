@@ -225,6 +225,7 @@ CASES = {
     'exact_around': GoldenCase(exact, 60.0, n_side=64, track='around', height_m=40.0),
     'exact_per_channel': GoldenCase(exact, 1e3, n_side=64, n_pulses=32, n_channels=3,
                                     options={'per_channel': True}),
+    'exact_phase_history': GoldenCase(exact, 1e3, n_pulses=64, n_channels=2, stepped=True),
     'terrain': GoldenCase(terrain, 500.0, height_m=200.0, n_side=64),
     'afbp_1km': GoldenCase(afbp, 1e3, n_side=128, n_pulses=128, options={'target_db': -50.0}),
     'afbp_10km_5_channels': GoldenCase(afbp, 1e4, n_side=128, n_pulses=96, n_channels=5,

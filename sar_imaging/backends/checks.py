@@ -294,20 +294,22 @@ def _check_exact(made, route: str, **options) -> str:
         pixels = ImagePoints.of_grid(PointGrid(points))
     elif route == 'illuminated':
         illumination = Illumination.of_pulses(PATTERN, block.pointing, block.tx_m, block.rx_m)
-    known = np.isfinite(points).all(axis=-1)
+    known, scale = np.isfinite(points).all(axis=-1), 1.0 if block.compressed else block.n_samples
     wanted = np.where(known, scene.correlation(
-        np.nan_to_num(points), illuminated=illumination is not None), 0)
-    told = ''
+        np.nan_to_num(points), illuminated=illumination is not None), 0) / scale
+    band = None if block.compressed else PhaseHistory(block.radar, block.n_samples)
+    radar, told = (band or block).radar, ''
     for target_db in (-60.0, -80.0):
-        plan = plan_backprojection(pixels, block.radar, block.n_samples, *echoes[1:], target_db,
-                                   illumination)
+        plan = plan_backprojection(pixels, radar, block.n_samples, *echoes[1:], target_db,
+                                   illumination, band=band)
         if route in ('polar', 'parts'):  # a route for larger images than these
             plan = dataclasses.replace(plan, route=plan_polar(
-                grid, *echoes[1:], block.radar, block.n_samples, target_db))
+                grid, *echoes[1:], radar, block.n_samples, target_db, band=band))
         elif route == 'groups':
             with using(dataclasses.replace(costs(), point_pixel=1e6)):
                 plan = dataclasses.replace(plan, route=plan_groups(
-                    grid, block.radar, block.n_samples, *echoes[1:], plan.range_m, target_db))
+                    grid, radar, block.n_samples, *echoes[1:], plan.range_m, target_db,
+                    band=band))
         image = np.zeros(grid.shape, np.complex64)
         made.Backprojection(plan).add(*echoes, image)
         if not (image[~known] == 0).all():
@@ -465,6 +467,14 @@ BACKEND_CHECKS: Mapping[str, Callable[[protocol.Backend], str]] = {
     'exact map from groups of echoes': _exact(
         route='groups', range_m=30.0, pulses=100, aperture_m=3.0, bend_m=0.3, n=40, apart_m=2.0),
     'exact map under a pattern': _exact(route='illuminated', range_m=1000.0),
+    'exact points of phase histories': _exact(
+        route='hills', range_m=500.0, height_m=100.0, history=True),
+    'exact map of phase histories from a polar image': _exact(
+        route='polar', range_m=1000.0, bend_m=3.0, history=True),
+    'exact map of phase histories from groups of echoes': _exact(
+        route='groups', range_m=30.0, pulses=100, aperture_m=3.0, n=40, history=True),
+    'exact map of phase histories under a pattern': _exact(
+        route='illuminated', range_m=1000.0, history=True),
     'AFBP': _afbp(route='directly', range_m=1000.0, height_m=300.0),
     'AFBP of phase histories': _afbp(route='directly', range_m=3000.0, history=True),
     'AFBP by beams': _afbp(route='beams', range_m=3000.0, channels=2, bend_m=2.0),

@@ -30,7 +30,7 @@ from ..planning.exact.backprojection import (
 from ..planning.exact.points import ImagePoints
 from ..planning.exact.pulse_power import PulsePower
 from ..planning.plan import EXACT_SHARES, error_budget
-from ..planning.profiles import OutOfReach
+from ..planning.profiles import OutOfReach, PhaseHistory
 from ..signal.pulses import PulseBlock, check_profiles
 from .image import Report
 from .methods import EXACT, Method
@@ -47,11 +47,14 @@ class Exact(Method):
     """
 
     NAME, TERRAIN, ILLUMINATION, BACKENDS = EXACT, True, True, True
+    PHASE_HISTORIES = True  # that cover the image
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         radar, target_db = self.radar, self.options.target_db
-        if radar.sample_rate_hz < 1.25 * radar.bandwidth_hz:
+        self._band = None if self.options.compressed else PhaseHistory(
+            radar, self.n_samples, self.options.weighting)
+        if self._band is None and radar.sample_rate_hz < 1.25 * radar.bandwidth_hz:
             raise ValueError(
                 f'profiles sampled at {radar.sample_rate_hz:g} Hz for a bandwidth of '
                 f'{radar.bandwidth_hz:g} Hz; sample them at 1.25 times the bandwidth or more '
@@ -74,8 +77,8 @@ class Exact(Method):
             return self.describe()
         try:
             plan = self._plan = plan_backprojection(
-                self._pixels, self.radar, self.n_samples, _echoes(tx_m), _echoes(rx_m),
-                self.options.target_db, self.illumination,
+                self._pixels, (self._band or self).radar, self.n_samples, _echoes(tx_m),
+                _echoes(rx_m), self.options.target_db, self.illumination, band=self._band,
                 groups=getattr(self._backend, 'GROUPS', False), before=self._plan)
         except OutOfReach:
             if self.illumination is None:
@@ -96,7 +99,7 @@ class Exact(Method):
     def image(self, block: PulseBlock, onto: np.ndarray | None = None
               ) -> tuple[np.ndarray, Report]:
         """See `Method`; takes no memory for another image."""
-        check_profiles(block, self.radar, self.n_samples)
+        check_profiles(block, self.radar, self.n_samples, compressed=self.options.compressed)
         assert block.tx_m is not None and block.rx_m is not None  # as was checked
         onto = zeros_beside(self.grid.shape, block.samples) if onto is None else onto
         if self._sum is not None:
@@ -105,7 +108,7 @@ class Exact(Method):
             self._sum.add(samples, *centres, onto)
             if self._power is None:
                 self._power = PulsePower.of_pixels(self._pixels, self.radar, self.n_samples,
-                                                   *centres, self.illumination)
+                                                   *centres, self.illumination, self._band)
             return onto, dataclasses.replace(self.report, pulse_power=self._power.of(samples))
         return onto, self.report
 

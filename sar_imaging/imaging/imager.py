@@ -21,6 +21,7 @@ from ..geometry.grids import Grid, MapGrid, as_grid
 from ..geometry.polar import PolarGrid
 from ..memory import IMAGE_BYTES, check_memory
 from ..planning.ambiguities import flight_warnings
+from ..planning.profiles import BeyondPeriod
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from .darkness import judged
@@ -141,8 +142,9 @@ def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
         Replace both phase centres of a channel by their mean (displaced phase centre). For
         comparison: the exact path costs no more.
     compressed : bool
-        False when blocks hold raw pulses. AFBP images phase histories as they are; everything
-        else is compressed first.
+        False when blocks hold raw pulses. AFBP and exact backprojection image phase histories
+        as they are, the latter where their unambiguous range covers the grid; everything else is
+        compressed first.
     weighting : str
         Spectral window of raw pulses, see `sar_imaging.signal.windows`.
     pulse_weights : (P,) array_like, optional
@@ -242,6 +244,7 @@ class Imager:
         self._told: set[str] = set()
         self._options, self._channels, self._own = options, channels, own
         self._check_memory(grid.shape)
+        self._beyond_period = False  # phase histories, of which images need profiles therefore
         # Of each channel, or of all at 0; made now, to refuse what it cannot do.
         self._latest: dict[int, Method] = {}
         self._latest[0] = self._make(self._asked or method_class(EXACT))
@@ -431,12 +434,18 @@ class Imager:
         if latest is None or type(latest) is not method:
             latest = self._latest[number] = self._make(method)
         tx_m, rx_m, pointing = where
-        latest.replan(tx_m, rx_m, reason, pointing)
+        try:
+            latest.replan(tx_m, rx_m, reason, pointing)
+        except BeyondPeriod:
+            self._beyond_period = True
+            self._latest.clear()
+            return self._plan_anew(number, method, where, reason)
         return latest
 
     def _make(self, method: type[Method]) -> Method:
         radar, n_samples, options = self.radar, self.n_samples, self._options
-        if not options.compressed and not method.takes_raw(radar):
+        if not options.compressed and (self._beyond_period and method.NAME == EXACT
+                                       or not method.takes_raw(radar)):
             radar, n_samples = self._compressor.output_radar, self._compressor.n_output
             options = dataclasses.replace(options, compressed=True, weighting='none')
         like = next((m for m in self._latest.values() if type(m) is method), None)

@@ -35,6 +35,10 @@ if TYPE_CHECKING:
     from ..geometry.illumination import Illumination
 
 
+class BeyondPeriod(ValueError):
+    """Phase histories have to be compressed, since an image reaches beyond their period."""
+
+
 class PhaseHistory:
     """What `Profiles` needs of a phase history; stands where a `RangeGate` does for profiles.
 
@@ -87,10 +91,26 @@ class PhaseHistory:
         sign = 1 - 2 * ((np.arange(n_samples) - self.zero) % 2)
         self._gain = (sign * weights / weights.sum()).astype(np.float32)
 
+    def end_error(self, range_m, oversampling: float = math.inf) -> np.ndarray:
+        """Zeros: what is periodic has no ends."""
+        return np.zeros(np.shape(range_m))
+
+    def predictable(self, range_m, illuminated=True) -> np.ndarray:
+        """All half paths."""
+        return np.ones(np.shape(range_m), bool)
+
     def mean_end_error_db(self, range_m, n_axes: int = 2,
                           oversampling: float = math.inf, illuminated=None) -> float:
         """-inf: what is periodic has no ends."""
         return -math.inf
+
+    def check_period(self, range_m: tuple[float, float]) -> None:
+        """Raise `BeyondPeriod` where half paths leave the period."""
+        stop_m = self.range_start_m + self.period_m
+        if range_m[0] < self.range_start_m or range_m[1] > stop_m:
+            raise BeyondPeriod(f'half paths of {range_m[0]:.1f} to {range_m[1]:.1f} m leave the '
+                               f'period of {self.range_start_m:.1f} to {stop_m:.1f} m, beyond '
+                               'which profiles end')
 
     def gain(self, n_padded: int, oversampling: float = math.inf) -> np.ndarray:
         """(K,) float32 factor of each frequency; `n_padded` is K."""
@@ -604,13 +624,14 @@ def _expansion_errors(paths, echoes, radar, together: int):
         (5, quintic / 16)))
 
 
-def plan_point_resampling(radar: RadarParameters, n_samples: int, target_db: float
-                          ) -> RangeResampling:
+def plan_point_resampling(window: RangeGate | PhaseHistory, target_db: float) -> RangeResampling:
     """Range grid for the routine that needs no common direction of range and lines."""
+    radar = window.radar
     oversampling = next(v for v in np.arange(1.6, 8.0, 0.2)
                         if design_interpolator(v, LEAST_MARGIN).error_db <= target_db - 3.0)
     pitch = radar.range_resolution_m / oversampling
-    n_padded, n_cells = _commensurate(n_samples, radar.sample_spacing_m, pitch, 1)
+    n_padded, n_cells = _commensurate(window.n_samples, radar.sample_spacing_m, pitch, 1,
+                                      periodic=window.periodic)
     step = n_padded * radar.sample_spacing_m / n_cells
     interpolator = design_interpolator(radar.range_resolution_m / step, LEAST_MARGIN)
     return RangeResampling(n_padded, n_cells, 1, 0, step, pitch, interpolator,

@@ -56,7 +56,7 @@ def test_polynomials_agree_with_those_of_the_whole_profile():
     samples = _noise(radar).astype(np.complex64)
     values = []
     for window in (RangeGate.around(radar, N, NEEDED), RangeGate.whole(radar, N)):
-        resampling = plan_point_resampling(radar, window.n_samples, -90.0)
+        resampling = plan_point_resampling(window, -90.0)
         profiles = Profiles(window, resampling, NEEDED)
         planes = profiles.planes(samples)[:, 0]
         place = np.linspace(1510.0, 1990.0, 500)

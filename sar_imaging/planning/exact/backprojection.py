@@ -25,6 +25,7 @@ from ..costs import costs
 from ..echo_power import echo_powers, echoes_alike
 from ..plan import Plan, total_db
 from ..profiles import (
+    PhaseHistory,
     RangeGate,
     RangeResampling,
     check_reach,
@@ -169,7 +170,7 @@ class LinePlan(Plan):
     """
 
     lines: GridLines
-    window: RangeGate
+    window: RangeGate | PhaseHistory
     resampling: RangeResampling
     errors_db: Mapping[str, float]
     cost: float
@@ -248,7 +249,8 @@ class BackprojectionPlan(Plan):
     @property
     def operations(self) -> dict[str, float]:
         """How often the operations of `CostModel` are done."""
-        return self.route.operations(self.grid, len(self.tx_m))
+        counts = self.route.operations(self.grid, len(self.tx_m))
+        return counts | {'profile_bin': 0} if self.route.window.periodic else counts
 
     @property
     def n_bytes(self) -> int:
@@ -262,19 +264,21 @@ class BackprojectionPlan(Plan):
 
 def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_samples: int,
                         tx_m, rx_m, target_db: float, illumination: Illumination | None = None,
-                        *, groups: bool = False, before: BackprojectionPlan | None = None
-                        ) -> BackprojectionPlan:
+                        *, groups: bool = False, before: BackprojectionPlan | None = None,
+                        band: PhaseHistory | None = None) -> BackprojectionPlan:
     """Plan the quickest route of adding echoes to an image.
 
     With `illumination`, that of the echoes, pixels that an echo does not light take no part in its
     errors and its time. `groups` tells whether the backend images maps from groups of echoes;
     where it does not, or with illumination, there are polar images of all echoes instead.
-    `before` is the plan of the pulses before these, of the same image and target.
+    `before` is the plan of the pulses before these, of the same image and target. `band` tells of
+    phase histories instead of profiles; `radar` and `n_samples` are its own.
 
     Raises
     ------
     ValueError
-        None of the profiles reaches the pixels.
+        None of the profiles reaches the pixels, or some leave the period of phase histories
+        (`BeyondPeriod`).
     """
     asked_db = target_db
     target_db = max(target_db - _CHANCE_DB - _LIT_DB * (illumination is not None),
@@ -282,25 +286,31 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
     is_points = isinstance(grid, ImagePoints)
     if is_points:
         range_m = grid.bounds(tx_m, rx_m)
-        check_reach(range_m, radar, n_samples)
+        _check_reach(range_m, radar, n_samples, band)
         route = plan_points(grid, radar, n_samples, tx_m, rx_m, range_m, target_db,
-                          illumination=illumination)
+                            illumination=illumination, band=band)
     else:
         range_m, route = _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db,
-                                        illumination, groups, before and before.route)
+                                        illumination, groups, before and before.route, band)
     near = 10 ** (target_db / 10) < route.window.end_error(np.array(range_m)).max()
     if near and illumination is None:
         route = _with_ends(route, grid, radar, tx_m, rx_m)
-    (start, stop), some = covered_ranges(radar, n_samples), (
-        grid.some() if is_points else some_pixels(grid))
-    beyond = ()
-    if range_m[0] < start or stop < range_m[1]:
+    some = grid.some() if is_points else some_pixels(grid)
+    (start, stop), beyond = covered_ranges(radar, n_samples), ()
+    if band is None and (range_m[0] < start or stop < range_m[1]):
         beyond = reach_warnings(some, tx_m, rx_m, radar, n_samples, illumination)
     if near and not beyond:
         beyond = end_warnings(route.errors_db['ends of profiles'], asked_db)
     warnings = (*beyond, *azimuth_warnings(some, tx_m, rx_m, radar, illumination))
     return BackprojectionPlan(grid, radar, tx_m.copy(), rx_m.copy(), range_m, route, warnings,
                               illumination)
+
+
+def _check_reach(range_m, radar, n_samples, band) -> None:
+    if band is None:
+        check_reach(range_m, radar, n_samples)
+    else:
+        band.check_period(range_m)
 
 
 def _with_ends(route, grid, radar, tx_m, rx_m):
@@ -313,30 +323,32 @@ def _with_ends(route, grid, radar, tx_m, rx_m):
     return dataclasses.replace(route, errors_db={**route.errors_db, 'ends of profiles': ends_db})
 
 
-def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, groups, before):
+def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, groups, before,
+                   band):
     """Bounds of the half path, and the quickest route."""
     groups = groups and illumination is None and isinstance(grid, MapGrid)
     lines = GridLines(grid, tx_m, rx_m, illumination)
-    check_reach(lines.range_m, radar, n_samples)
+    _check_reach(lines.range_m, radar, n_samples, band)
     where = radar, n_samples, tx_m, rx_m
     # The least cost of each route tells which is worth a plan; illumination makes lines cheaper.
     least = (0.0 if illumination is not None
              else least_cost(lines.slopes, radar) * len(tx_m))
-    routes = [(least, lambda: _plan_lines(lines, *where, len(grid.shape), target_db,
-                                          illumination))]
+    window = band or RangeGate.around(radar, n_samples, lines.range_m)
+    routes = [(least, lambda: _plan_lines(lines, radar, window, tx_m, rx_m, len(grid.shape),
+                                          target_db, illumination))]
     if groups:
         routes.append((costs().grouped_pixel, lambda: plan_groups(
             grid, *where, lines.range_m, target_db,
-            before=before if isinstance(before, GroupPlan) else None)))
+            before=before if isinstance(before, GroupPlan) else None, band=band)))
     elif isinstance(grid, MapGrid):  # polar images lie on horizontal planes
         from .polar_image import plan_polar
 
         routes.append((costs().map_pixel, lambda: plan_polar(
-            grid, tx_m, rx_m, radar, n_samples, target_db, illumination)))
+            grid, tx_m, rx_m, radar, n_samples, target_db, illumination, band)))
     route, cost = None, costs().point_pixel * len(tx_m)
     if groups:  # small maps near the antenna: the profiles of other routes may take most of it
         cost = costs().nanoseconds(point_operations(
-            grid, radar, n_samples, len(tx_m), lines.range_m, target_db)) / math.prod(grid.shape)
+            grid, window, len(tx_m), target_db)) / math.prod(grid.shape)
     for least, plan in sorted(routes, key=lambda known: known[0]):
         found = plan() if least < cost else None
         if found is None:
@@ -348,16 +360,17 @@ def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, 
                 or total_db(*found.errors_db.values()) <= target_db):
             route, cost = found, needed
     if route is None:
-        route = plan_even_points(grid, *where, lines.range_m, target_db, illumination=illumination)
+        route = plan_even_points(grid, *where, lines.range_m, target_db,
+                                 illumination=illumination, band=band)
     return lines.range_m, route
 
 
-def _plan_lines(lines, radar, n_samples, tx_m, rx_m, n_axes, target_db, illumination
+def _plan_lines(lines, radar, window, tx_m, rx_m, n_axes, target_db, illumination
                 ) -> LinePlan | None:
     """Plan along lines; None where range does not follow them, or points are as quick."""
-    window = RangeGate.around(radar, n_samples, lines.range_m)
     paths = lines.paths(tx_m, rx_m, radar, illumination)
-    resampling = plan_resampling(paths, 1.0, lines.n_pixels, radar, window.n_samples, target_db)
+    resampling = plan_resampling(paths, 1.0, lines.n_pixels, radar, window.n_samples, target_db,
+                                 periodic=window.periodic)
     amplitudes, more = None, {}
     if resampling is not None and illumination is not None:
         from .illumination import plan_line_amplitudes

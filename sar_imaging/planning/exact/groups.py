@@ -37,7 +37,7 @@ from ..interpolators import (
     sufficient_interpolators,
 )
 from ..plan import EXACT_SHARES, PASSES_DB, Plan, error_budget, total_db
-from ..profiles import RangeGate, RangeResampling, plan_point_resampling
+from ..profiles import PhaseHistory, RangeGate, RangeResampling, plan_point_resampling
 from ..transform_lengths import row_length
 from .group_geometry import (
     LOBATTO,
@@ -185,7 +185,7 @@ class GroupPlan(Plan):
         Corners and pixels of the parts that are imaged point by point.
     points : PointPlan or None
         How these are.
-    window : RangeGate
+    window : RangeGate or PhaseHistory
         Part of the profiles that is needed.
     sought_ns : float
         Time of the parts of the map when the numbers of groups and parts were sought.
@@ -194,7 +194,7 @@ class GroupPlan(Plan):
     maps: tuple[GroupedMap, ...]
     rest: tuple[tuple[tuple[int, int], MapGrid], ...]
     points: PointPlan | None
-    window: RangeGate
+    window: RangeGate | PhaseHistory
     errors_db: Mapping[str, float]
     sought_ns: float
 
@@ -271,13 +271,14 @@ class Echoes:
         Phase centres, metres.
     radar : RadarParameters
         Radar parameters of their profiles.
-    window : RangeGate
+    window : RangeGate or PhaseHistory
         Part of these that is needed.
     target_db : float
         Wanted error, dB.
     """
 
-    def __init__(self, tx_m, rx_m, radar: RadarParameters, window: RangeGate, target_db: float):
+    def __init__(self, tx_m, rx_m, radar: RadarParameters, window: RangeGate | PhaseHistory,
+                 target_db: float):
         same = tx_m is rx_m or np.array_equal(tx_m, rx_m)
         self.paths = [tx_m] if same else [tx_m, rx_m]
         self.centres_m = tx_m if same else 0.5 * (tx_m + rx_m)
@@ -286,7 +287,7 @@ class Echoes:
         self.target, self.profiles_db = 10 ** (target_db / 10), budget['range profiles'] - _LEFT_DB
         self.parts_db = budget['azimuth upsampling']
         self.pass_db = budget['polar to map'] - PASSES_DB
-        self.points = plan_point_resampling(radar, window.n_samples, target_db)
+        self.points = plan_point_resampling(window, target_db)
         low, high = radar.wavenumbers_rad_per_m
         self.wavenumbers = low + (high - low) * LOBATTO[_WAVENUMBERS][0]
 
@@ -304,7 +305,8 @@ class Echoes:
         """
         window, radar, errors = self.window, self.radar, _profile_errors(self.lengths.degree)
         middle, spacing = 0.5 * sum(slopes), window.radar.sample_spacing_m
-        n_padded, best, least = row_length(window.n_samples), None, math.inf
+        best, least = None, math.inf
+        n_padded = window.n_samples if window.periodic else row_length(window.n_samples)
         for phases in range(1, _MOST_PHASES + 1):
             n_cells = row_length(math.ceil(n_padded * spacing / (pitch_m * middle)), (phases,))
             step = n_padded * spacing / (n_cells * phases)
@@ -678,12 +680,13 @@ def _profile_cost(echoes: Echoes, spacing) -> np.ndarray:
 
 def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, range_m,
                 target_db: float, numbers: tuple[int, int] | None = None,
-                before: GroupPlan | None = None) -> GroupPlan | None:
+                before: GroupPlan | None = None, band: PhaseHistory | None = None
+                ) -> GroupPlan | None:
     """Plan the image of a map from groups of echoes.
 
     Parameters
     ----------
-    grid, radar, n_samples, tx_m, rx_m, target_db :
+    grid, radar, n_samples, tx_m, rx_m, target_db, band :
         As for `plan_backprojection`.
     range_m : (float, float)
         Bounds of the half paths to all pixels, metres.
@@ -700,7 +703,7 @@ def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_
     """
     taps = lengths_for(target_db).taps
     slack = 2 * margin(taps) * radar.range_resolution_m
-    window = RangeGate.around(radar, n_samples, (range_m[0] - slack, range_m[1] + slack))
+    window = band or RangeGate.around(radar, n_samples, (range_m[0] - slack, range_m[1] + slack))
     echoes = Echoes(tx_m, rx_m, radar, window, target_db)
     again = (before is not None and not before.rest and len(before.maps) == 1
              and len(before.maps[0].tx) == len(echoes))
@@ -718,7 +721,8 @@ def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_
         return None
     points = None
     if rest:
-        points = plan_even_points(grid, radar, n_samples, tx_m, rx_m, range_m, target_db)
+        points = plan_even_points(grid, radar, n_samples, tx_m, rx_m, range_m, target_db,
+                                  band=band)
     n_pixels = math.prod(grid.shape)
     shares = [(one.errors_db, math.prod(one.grid.shape) / n_pixels) for one in maps]
     shares += [(points.errors_db, math.prod(part.shape) / n_pixels) for _, part in rest]
@@ -730,7 +734,7 @@ def _mean_errors(shares) -> dict[str, float]:
     causes = {cause: None for errors, _ in shares for cause in errors}
     mean = {cause: sum(share * 10 ** (errors.get(cause, -math.inf) / 10)
                        for errors, share in shares) for cause in causes}
-    return {cause: 10 * math.log10(error) if error > 0 else error * math.nan or -math.inf
+    return {cause: -math.inf if error == 0 else 10 * math.log10(error)  # NaN stays
             for cause, error in mean.items()}
 
 

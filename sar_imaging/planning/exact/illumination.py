@@ -39,6 +39,7 @@ from ..profiles import (
     DRIFT_SLACK,
     ECHOES_PER_PASS,
     MOST_DRIFT,
+    PhaseHistory,
     RangeGate,
     RangeResampling,
     middle_of_pass,
@@ -252,7 +253,8 @@ def node_positions(locate: Callable, n_lines: int, n_pixels: int, segment: int, 
 
 
 def plan_line_amplitudes(illumination: Illumination, lines: GridLines, tx_m, rx_m,
-                         radar: RadarParameters, window: RangeGate, resampling: RangeResampling,
+                         radar: RadarParameters, window: RangeGate | PhaseHistory,
+                         resampling: RangeResampling,
                          target_db: float) -> tuple[
                              RangeResampling | None, LineAmplitudes | None, dict[str, float]]:
     """As `plan_weighed_segments`, for lines of a grid itself, and errors by cause, dB.
@@ -521,7 +523,7 @@ class WeighedPolar:
             found = dataclasses.replace(
                 cover, along_db=read.along_db(cover),
                 between_db=read.between_db(cover.polar, cover.between, np.zeros(len(self._tx_m))),
-                profile_db=cover.profile_db if cover.window.periodic else read.pairs.ends_db(
+                profile_db=read.pairs.ends_db(
                     cover.window, cover.resampling.oversampling(cover.window.radar), self._tx_m,
                     self._rx_m))
             above_db = max(found.between_db, found.along_db) - wanted_db

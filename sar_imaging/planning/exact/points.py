@@ -23,7 +23,7 @@ from ...geometry.grids import (
 from ...geometry.half_paths import half_paths
 from ...signal.radar import RadarParameters
 from ..plan import EXACT_SHARES, Plan, error_budget
-from ..profiles import RangeGate, RangeResampling, mean_db, plan_point_resampling
+from ..profiles import PhaseHistory, RangeGate, RangeResampling, mean_db, plan_point_resampling
 
 if TYPE_CHECKING:
     from ...geometry.illumination import Illumination
@@ -168,7 +168,7 @@ class PointPlan(Plan):
         How amplitudes are found; None where all pixels are lit alike.
     """
 
-    window: RangeGate
+    window: RangeGate | PhaseHistory
     resampling: RangeResampling
     range_m: tuple[float, float]
     tile: tuple[int, int]
@@ -209,25 +209,22 @@ def image_layers(grid: ImagePoints | EvenGrid) -> list[ImagePoints]:
     return [ImagePoints.of_grid(grid)]
 
 
-def point_operations(grid: EvenGrid, radar: RadarParameters, n_samples: int, n_echoes: int,
-                     range_m: tuple[float, float], target_db: float) -> dict[str, float]:
+def point_operations(grid: EvenGrid, window: RangeGate | PhaseHistory, n_echoes: int,
+                     target_db: float) -> dict[str, float]:
     """How often the image of a grid point by point does the operations of `CostModel`."""
-    window = RangeGate.around(radar, n_samples, range_m)
-    resampling = plan_point_resampling(radar, window.n_samples, target_db)
+    resampling = plan_point_resampling(window, target_db)
     return {'image': 1} | resampling.operations(n_echoes, math.prod(grid.shape))
 
 
-def plan_even_points(grid: EvenGrid, *planned, illumination: Illumination | None = None
-                     ) -> PointPlan:
-    """Plan the image of a map, plane or volume point by point; `planned` as of `plan_points`."""
+def plan_even_points(grid: EvenGrid, *planned, **known) -> PointPlan:
+    """Plan the image of a map, plane or volume point by point; others as of `plan_points`."""
     if isinstance(grid, MapGrid):
-        return plan_points(ImagePoints.of_grid(grid), *planned, illumination=illumination)
+        return plan_points(ImagePoints.of_grid(grid), *planned, **known)
     layer = grid.slice(0) if isinstance(grid, VolumeGrid) else grid
     corner = dataclasses.replace(layer, n_u=min(layer.n_u, TILE_SIDE),
                                  n_v=min(layer.n_v, TILE_SIDE))
     return plan_points(ImagePoints.of_grid(corner), *planned,
-                       some_m=grid.positions(*draw(grid.shape, _SAMPLED_PIXELS)),
-                       illumination=illumination,
+                       some_m=grid.positions(*draw(grid.shape, _SAMPLED_PIXELS)), **known,
                        positions=(grid.slice(grid.n_z // 2) if isinstance(grid, VolumeGrid)
                                   else grid).positions, shape=grid.shape[-2:])
 
@@ -235,14 +232,15 @@ def plan_even_points(grid: EvenGrid, *planned, illumination: Illumination | None
 def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_m, rx_m,
                 range_m: tuple[float, float], target_db: float, some_m=None,
                 illumination: Illumination | None = None, positions=None,
-                shape: tuple[int, int] | None = None) -> PointPlan:
+                shape: tuple[int, int] | None = None,
+                band: PhaseHistory | None = None) -> PointPlan:
     """Plan the image of some points.
 
     Parameters
     ----------
     points : ImagePoints
         Where the pixels are, or some neighbours among them.
-    radar, n_samples, tx_m, rx_m, target_db :
+    radar, n_samples, tx_m, rx_m, target_db, band :
         As for `plan_backprojection`.
     range_m : (float, float)
         Least and largest half path that is read, metres.
@@ -253,8 +251,8 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
     positions, shape : callable, (int, int)
         Positions of pixels by row and column, and how many there are; of `points` unless told.
     """
-    window = RangeGate.around(radar, n_samples, range_m)
-    resampling = plan_point_resampling(radar, window.n_samples, target_db)
+    window = band or RangeGate.around(radar, n_samples, range_m)
+    resampling = plan_point_resampling(window, target_db)
     # Rounding a tile's paths in float32 errs the more the larger it is.
     rounded_db = error_budget(target_db, EXACT_SHARES)['rounded paths']
     rounding_per_m = radar.wavenumber_rad_per_m * _ROUNDING

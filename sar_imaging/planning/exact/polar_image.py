@@ -33,6 +33,7 @@ from ..interpolators import Interpolator, sufficient_interpolators
 from ..plan import EXACT_SHARES, PASSES_DB, Plan, error_budget
 from ..polar_cover import PolarCover, cover_map
 from ..profiles import (
+    PhaseHistory,
     RangeGate,
     RangeResampling,
     echoes_for_means,
@@ -157,7 +158,7 @@ class PolarPlan(Plan):
     ----------
     resampling : RangeResampling
         How its lines read the profiles.
-    window : RangeGate
+    window : RangeGate or PhaseHistory
         Part of the profiles that it needs.
     axis : int
         Map axis along which the second pass of the resampling goes.
@@ -173,7 +174,7 @@ class PolarPlan(Plan):
 
     polar: PolarGrid
     resampling: RangeResampling
-    window: RangeGate
+    window: RangeGate | PhaseHistory
     range_m: tuple[float, float]
     axis: int
     between: Interpolator
@@ -213,8 +214,9 @@ class PolarPlan(Plan):
 
 
 def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
-               target_db: float, illumination: Illumination | None = None) -> PolarPlan | None:
-    """Plan the polar image of echoes of phase centres, with `illumination` of these.
+               target_db: float, illumination: Illumination | None = None,
+               band: PhaseHistory | None = None) -> PolarPlan | None:
+    """Plan the polar image of echoes of phase centres; arguments as of `plan_backprojection`.
 
     Returns
     -------
@@ -223,7 +225,7 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
     """
     budget, planner = error_budget(target_db, EXACT_SHARES), None
     profiles_db, map_db = budget['range profiles'], budget['polar to map'] - PASSES_DB
-    cover_of = functools.partial(cover_map, grid, tx_m, rx_m, radar, n_samples,
+    cover_of = functools.partial(cover_map, grid, tx_m, rx_m, radar, n_samples, band=band,
                                  profiles_db=profiles_db, illumination=illumination)
     if illumination is not None:
         from .illumination import WeighedPolar
@@ -284,4 +286,4 @@ def _resampling_of_parts(parts: AzimuthParts, cover: PolarCover, tx_m, rx_m, tar
     if error_db <= target_db:
         return dataclasses.replace(cover.resampling, predicted_error_db=error_db)
     return plan_resampling(paths, coarse.range_spacing_m, coarse.n_range, window.radar,
-                           window.n_samples, target_db)
+                           window.n_samples, target_db, periodic=window.periodic)

@@ -16,15 +16,18 @@ from sar_imaging.planning.exact.backprojection import plan_backprojection
 from sar_imaging.planning.exact.points import ImagePoints
 from sar_imaging.planning.exact.polar_image import DEGREE, TAPS, AzimuthParts, plan_polar
 from sar_imaging.planning.interpolators import design_interpolator
+from sar_imaging.planning.profiles import PhaseHistory
 
 AGREE_DB = -100.0  # float32 sums in another order, of the same polynomials
 
 
 def planned(scene, grid, route=None, target_db=-80.0):
     block, rows = scene.block, scene.echoes
-    plan = plan_backprojection(grid, block.radar, block.n_samples, *rows[1:], target_db)
+    band = None if block.compressed else PhaseHistory(block.radar, block.n_samples)
+    radar = (band or block).radar
+    plan = plan_backprojection(grid, radar, block.n_samples, *rows[1:], target_db, band=band)
     if route is not None:
-        polar = plan_polar(grid, *rows[1:], block.radar, block.n_samples, target_db)
+        polar = plan_polar(grid, *rows[1:], radar, block.n_samples, target_db, band=band)
         if route == 'parts':  # which pay for larger images alone
             parts = AzimuthParts(
                 (slice(0, 1), slice(1, 2)), np.array([-90.0, 200.0]), polar.polar, polar.polar,
@@ -55,10 +58,10 @@ def in_tiles(plan, rows, pixel_bytes):
 
 
 @pytest.mark.parametrize(('route', 'options'), [
-    ('lines', {'range_m': 1000.0, 'height_m': 300.0}),
+    ('lines', {'range_m': 1000.0, 'height_m': 300.0, 'history': True}),
     ('bistatic', {'range_m': 1000.0, 'apart_m': 40.0, 'channels': 2, 'pulses': 1}),
     ('points', {'range_m': 30.0, 'aperture_m': 3.0, 'n': 20}),
-    ('hills', {'range_m': 500.0, 'height_m': 100.0}),
+    ('hills', {'range_m': 500.0, 'height_m': 100.0, 'history': True}),
     ('volume', {'range_m': 1000.0, 'height_m': 300.0}),
     ('wall', {'range_m': 300.0, 'height_m': 20.0}),
     ('polar', {'range_m': 1000.0, 'bend_m': 3.0, 'n': 16}),
