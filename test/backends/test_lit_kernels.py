@@ -16,6 +16,7 @@ from sar_imaging.planning.exact.backprojection import plan_backprojection
 from sar_imaging.planning.exact.illumination import draw_points, node_positions, tile_error_db
 from sar_imaging.planning.exact.points import ImagePoints, plan_points
 from sar_imaging.planning.plan import Plan, total_db
+from sar_imaging.planning.profiles import RangeGate
 from sar_imaging.signal import SPEED_OF_LIGHT, RadarParameters
 
 RADAR, N_SAMPLES = RadarParameters(9.6e9, 150e6, 225e6, 2 * 300 / SPEED_OF_LIGHT), 320
@@ -134,7 +135,8 @@ def test_amplitudes_between_nodes_err_as_planned(seed, tile):
     assume((lit.amplitude(grid.points()) > 0).any())
     plan = plan_backprojection(grid, RADAR, N_SAMPLES, tx, rx, -75.0, lit)
     points = ImagePoints.of_grid(grid)
-    route = plan_points(points, RADAR, N_SAMPLES, tx, rx, plan.range_m, -90.0, illumination=lit)
+    route = plan_points(points, RangeGate.around(RADAR, N_SAMPLES, plan.range_m), tx, rx,
+                        plan.range_m, -90.0, illumination=lit)
     pairs = draw_points(lit, points.positions, points.size, tile)
     planned_db = tile_error_db(pairs, points.positions, points.size, tile)[0]
     route = dataclasses.replace(route, tile=tile, amplitudes=dataclasses.replace(

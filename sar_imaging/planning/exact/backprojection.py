@@ -287,8 +287,9 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
     if is_points:
         range_m = grid.bounds(tx_m, rx_m)
         _check_reach(range_m, radar, n_samples, band)
-        route = plan_points(grid, radar, n_samples, tx_m, rx_m, range_m, target_db,
-                            illumination=illumination, band=band)
+        window = band or RangeGate.around(radar, n_samples, range_m)
+        route = plan_points(grid, window, tx_m, rx_m, range_m, target_db,
+                            illumination=illumination)
     else:
         range_m, route = _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db,
                                         illumination, groups, before and before.route, band)
@@ -329,7 +330,6 @@ def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, 
     groups = groups and illumination is None and isinstance(grid, MapGrid)
     lines = GridLines(grid, tx_m, rx_m, illumination)
     _check_reach(lines.range_m, radar, n_samples, band)
-    where = radar, n_samples, tx_m, rx_m
     # The least cost of each route tells which is worth a plan; illumination makes lines cheaper.
     least = (0.0 if illumination is not None
              else least_cost(lines.slopes, radar) * len(tx_m))
@@ -338,7 +338,7 @@ def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, 
                                           target_db, illumination))]
     if groups:
         routes.append((costs().grouped_pixel, lambda: plan_groups(
-            grid, *where, lines.range_m, target_db,
+            grid, radar, n_samples, tx_m, rx_m, lines.range_m, target_db,
             before=before if isinstance(before, GroupPlan) else None, band=band)))
     elif isinstance(grid, MapGrid):  # polar images lie on horizontal planes
         from .polar_image import plan_polar
@@ -360,8 +360,8 @@ def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, 
                 or total_db(*found.errors_db.values()) <= target_db):
             route, cost = found, needed
     if route is None:
-        route = plan_even_points(grid, *where, lines.range_m, target_db,
-                                 illumination=illumination, band=band)
+        route = plan_even_points(grid, window, tx_m, rx_m, lines.range_m, target_db,
+                                 illumination=illumination)
     return lines.range_m, route
 
 

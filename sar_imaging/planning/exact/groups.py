@@ -721,8 +721,8 @@ def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_
         return None
     points = None
     if rest:
-        points = plan_even_points(grid, radar, n_samples, tx_m, rx_m, range_m, target_db,
-                                  band=band)
+        points = plan_even_points(grid, band or RangeGate.around(radar, n_samples, range_m),
+                                  tx_m, rx_m, range_m, target_db)
     n_pixels = math.prod(grid.shape)
     shares = [(one.errors_db, math.prod(one.grid.shape) / n_pixels) for one in maps]
     shares += [(points.errors_db, math.prod(part.shape) / n_pixels) for _, part in rest]

@@ -21,7 +21,6 @@ from ...geometry.grids import (
     VolumeGrid,
 )
 from ...geometry.half_paths import half_paths
-from ...signal.radar import RadarParameters
 from ..plan import EXACT_SHARES, Plan, error_budget
 from ..profiles import PhaseHistory, RangeGate, RangeResampling, mean_db, plan_point_resampling
 
@@ -229,18 +228,19 @@ def plan_even_points(grid: EvenGrid, *planned, **known) -> PointPlan:
                                   else grid).positions, shape=grid.shape[-2:])
 
 
-def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_m, rx_m,
+def plan_points(points: ImagePoints, window: RangeGate | PhaseHistory, tx_m, rx_m,
                 range_m: tuple[float, float], target_db: float, some_m=None,
                 illumination: Illumination | None = None, positions=None,
-                shape: tuple[int, int] | None = None,
-                band: PhaseHistory | None = None) -> PointPlan:
+                shape: tuple[int, int] | None = None) -> PointPlan:
     """Plan the image of some points.
 
     Parameters
     ----------
     points : ImagePoints
         Where the pixels are, or some neighbours among them.
-    radar, n_samples, tx_m, rx_m, target_db, band :
+    window : RangeGate or PhaseHistory
+        What is needed of the profiles.
+    tx_m, rx_m, target_db :
         As for `plan_backprojection`.
     range_m : (float, float)
         Least and largest half path that is read, metres.
@@ -251,8 +251,7 @@ def plan_points(points: ImagePoints, radar: RadarParameters, n_samples: int, tx_
     positions, shape : callable, (int, int)
         Positions of pixels by row and column, and how many there are; of `points` unless told.
     """
-    window = band or RangeGate.around(radar, n_samples, range_m)
-    resampling = plan_point_resampling(window, target_db)
+    radar, resampling = window.radar, plan_point_resampling(window, target_db)
     # Rounding a tile's paths in float32 errs the more the larger it is.
     rounded_db = error_budget(target_db, EXACT_SHARES)['rounded paths']
     rounding_per_m = radar.wavenumber_rad_per_m * _ROUNDING
