@@ -250,7 +250,9 @@ class BackprojectionPlan(Plan):
     def operations(self) -> dict[str, float]:
         """How often the operations of `CostModel` are done."""
         counts = self.route.operations(self.grid, len(self.tx_m))
-        return counts | {'profile_bin': 0} if self.route.window.periodic else counts
+        if self.route.window.periodic:  # bins are read, and not transformed (measured)
+            counts['profile_bin'] /= 2
+        return counts
 
     @property
     def n_bytes(self) -> int:
