@@ -233,7 +233,7 @@ class Method:
         """Report of what a plan knows."""
         return self.describe(**{
             'predicted_error_db': plan.predicted_error_db, 'errors_db': {
-                cause: error for cause, error in plan.errors_db.items() if error == error},
+                cause: error for cause, error in plan.errors_db.items() if math.isfinite(error)},
             'seconds': getattr(plan, 'seconds', None), 'n_bytes': plan.n_bytes,
             'warnings': plan.warnings, 'plan': plan, **known})
 

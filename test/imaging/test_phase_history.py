@@ -52,6 +52,7 @@ def test_target_is_met(n_frequencies, channels, target_db):
     error = measure_error(plan(block), grid, block, fit_scale=True)
     assert max(error.error_db, error.brightest_error_db) <= target_db
     assert not plan.report.warnings
+    assert np.isfinite([*plan.report.errors_db.values()]).all()
 
 
 def test_it_is_the_image_of_compressed_profiles():
@@ -124,6 +125,7 @@ def test_exact_images_keep_their_word(grid, n_frequencies, target_db):
     error = measure_error(image, _EXACT[grid], block, fit_scale=True)
     assert max(error.error_db, error.brightest_error_db) <= image.report.predicted_error_db + 1.0
     assert image.report.predicted_error_db <= target_db + 0.1 and not image.report.warnings
+    assert np.isfinite([*image.report.errors_db.values()]).all()  # JSON knows no other numbers
 
 
 def test_exact_images_are_in_the_scale_of_profiles():

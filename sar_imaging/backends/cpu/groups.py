@@ -42,7 +42,7 @@ from .polar_to_map import _polynomial, group_to_map
 from .profiles import Profiles
 
 LINES = 16  # of a part whose geometry is computed together
-_CHUNK_BYTES = 6 << 20  # coefficients of the echoes that are added together, on each thread
+_CHUNK_BYTES = 3 << 20  # coefficients of the echoes that are added together, on each thread
 _BLOCK_BYTES = 8 * LANES
 _FLOATS = ir.VectorType(FLOAT, LANES)
 _i, _d = types.int64, types.float64
