@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import copy
 import functools
+import gc
 import inspect
 import logging
 import os
@@ -132,16 +133,27 @@ class _Library(codegen.JITCodeLibrary):
         return super()._get_compiled_object()
 
 
+def _is_parallel_body(fndesc) -> bool:
+    return fndesc.qualname.startswith('__numba_parfor_gufunc')
+
+
 class _WideContext(cpu.CPUContext):
+    for_python = True
+
     def declare_function(self, module, fndesc):
         function = super().declare_function(module, fndesc)
         set.add(function.attributes, _WIDEST)  # llvmlite knows no attributes with a value
         return function
 
+    def create_cpython_wrapper(self, library, fndesc, env, call_helper, release_gil=False):
+        if not _is_parallel_body(fndesc):
+            super().create_cpython_wrapper(library, fndesc, env, call_helper, release_gil)
+
     def get_executable(self, library, fndesc, env):
-        if fndesc.qualname.startswith('__numba_parfor_gufunc'):  # the body of a parallel loop
+        if _is_parallel_body(fndesc) or not self.for_python:
             library.optimize()  # alone, where LLVM knows best which arrays do not overlap
-            self.environments.append((self.get_env_name(fndesc), env))
+            if self.for_python:
+                self.environments.append((self.get_env_name(fndesc), env))
             return None
         executable = super().get_executable(library, fndesc, env)
         while self.environments:
@@ -156,9 +168,20 @@ class _WideCompiler(compiler.Compiler):
         super().__init__(typing_context, target_context, *others)
         context = copy.copy(self.state.targetctx)  # as Numba does for its options
         context.__class__, context.environments = _WideContext, []
+        context.for_python = not self.state.flags.no_cpython_wrapper
         context._internal_codegen = copy.copy(context._internal_codegen)
         context._internal_codegen._library_class = _Library
         self.state.targetctx = context
+
+    def compile_extra(self, function):
+        # Nearly nothing of what Numba makes is garbage: to look for it takes a tenth of the time.
+        collected = gc.isenabled()
+        gc.disable()
+        try:
+            return super().compile_extra(function)
+        finally:
+            if collected:
+                gc.enable()
 
 
 class _DistinctCompiler(_WideCompiler):
@@ -179,9 +202,27 @@ def njit(function: Callable | None = None, *, distinct: bool = False, **options)
     """
     if function is None:
         return functools.partial(njit, distinct=distinct, **options)
-    options = {'nogil': True, 'cache': True, 'fastmath': FASTMATH} | options
+    options = {'nogil': True, 'cache': True, 'fastmath': FASTMATH,
+               'no_cfunc_wrapper': True} | options
     compiler_class = _DistinctCompiler if distinct else _WideCompiler
     return _cached(numba.njit(pipeline_class=compiler_class, **options), function)
+
+
+def kernel_part(function: Callable | None = None, **options):
+    """`njit` of a function that compiled functions alone call, such as the body of a loop.
+
+    It becomes machine code within those, not once more by itself, and without what Python calls.
+    """
+    if function is None:
+        return functools.partial(kernel_part, **options)
+    compiled = njit(function, no_cpython_wrapper=True, cache=False, **options)
+    compiled._insert = lambda *_: None  # Python finds nothing that it could call
+    compiled._compile_for_args = functools.partial(_refuse_call, function.__qualname__)
+    return compiled
+
+
+def _refuse_call(name: str, *_, **__):
+    raise TypeError(f'{name} is called by compiled functions alone')
 
 
 def cfunc(signature, **options):

@@ -54,6 +54,36 @@ def test_who_waits_for_kernels_is_told_why_and_how_far(caplog, monkeypatch):
         monkeypatch.setattr(compilation.sys, 'ps1', '>>> ', raising=False)
 
 
+def test_parts_of_kernels_are_for_kernels_alone(tmp_path):
+    """No machine code of their own is kept, and Python, which has none to call, is refused."""
+    (tmp_path / 'kernels.py').write_text(
+        'from sar_imaging.compilation import kernel_part, njit, numba\n'
+        '@kernel_part\n'
+        'def twice(x, i):\n'
+        '    return 2 * x[i]\n'
+        '@njit(parallel=True)\n'
+        'def f(x, out):\n'
+        '    for i in numba.prange(len(x)):\n'
+        '        out[i] = twice(x, i)\n'
+        'import gc, numpy\n'
+        'def refused():\n'
+        '    try:\n'
+        '        twice(numpy.arange(3), 1)\n'
+        '    except TypeError as error:\n'
+        '        return "twice is called by compiled functions alone" in str(error)\n'
+        'assert refused()\n'
+        'out = numpy.zeros(3, int)\n'
+        'f(numpy.arange(3), out)\n'
+        'assert out.tolist() == [0, 2, 4]\n'
+        'assert refused() and gc.isenabled()\n')
+    environment = os.environ | {'NUMBA_CACHE_DIR': str(tmp_path / 'cache'),
+                                'PYTHONPATH': str(Path(compilation.__file__).parents[1])}
+    for _ in range(2):  # compiled, and from the cache
+        result = _run(tmp_path, 'import kernels', environment)
+        assert result.returncode == 0, result.stderr
+    assert [path.name[:9] for path in tmp_path.rglob('*.nbc')] == ['kernels.f']
+
+
 def _without_places(tmp_path):
     """The module where Numba can write neither beside it nor below the home folder."""
     shutil.copy(compilation.__file__, tmp_path / 'compilation.py')

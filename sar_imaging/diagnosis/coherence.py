@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 
-from ..compilation import njit, numba
+from ..compilation import kernel_part, njit, numba
 from ..geometry.grids import MapGrid
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
@@ -408,7 +408,7 @@ def _sum_groups(points, tx, rx, monostatic, group, profiles, sampling, cycle, su
                   sampling, cycle, np.empty(_POINTS), sums[:3], sums[3], sums[4], covered)
 
 
-@njit(distinct=True, error_model='numpy')
+@kernel_part(distinct=True, error_model='numpy')
 def _add_rows(first, count, points, tx, rx, monostatic, group, profiles, sampling, cycle,
               half_path, sums, re, im, covered):
     """Add all rows to some points, which are computed side by side."""

@@ -32,7 +32,7 @@ from tqdm import tqdm
 from ..backends.cpu.lines import LINES, project_lines
 from ..backends.cpu.phasors import cos_cycles, fraction, sin_cycles
 from ..backends.cpu.profiles import Profiles
-from ..compilation import njit, numba
+from ..compilation import kernel_part, njit, numba
 from ..geometry.grids import MapGrid
 from ..geometry.half_paths import Paths, half_paths, sample_paths
 from ..geometry.polar import PolarGrid
@@ -1446,7 +1446,7 @@ def merge(child, child_shape, parent, parent_shape, geometry, weights_range, wei
                      (place, line_re, line_im, out_re, out_im))
 
 
-@njit(distinct=True)
+@kernel_part(distinct=True)
 def _merge_lines(group, child, child_shape, parent, parent_shape, geometry, weights, pairs,
                  segment, index, start, work):
     """Lines of one group; `weights` are along range and direction, the rest is as of `merge`."""

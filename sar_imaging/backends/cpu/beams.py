@@ -35,7 +35,7 @@ import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 
-from ...compilation import DETERMINISTIC, njit, numba
+from ...compilation import DETERMINISTIC, kernel_part, njit, numba
 from ...geometry.polar import PolarGrid
 from ...planning.afbp.beams import (
     BEAM_TAPS,
@@ -552,7 +552,7 @@ def _form_beams(samples, shape, bins, weight, phasors, gain, group, out, jobs, w
                                phasor_re, phasor_im, sums))
 
 
-@njit(distinct=True, fastmath=DETERMINISTIC)
+@kernel_part(distinct=True, fastmath=DETERMINISTIC)
 def _form_runs(task, samples, shape, bins, weight, phasors, gain, group, out, jobs, work):
     """What a task of `_form_beams` does."""
     runs, common, cycles_per_bin, n_cells = bins

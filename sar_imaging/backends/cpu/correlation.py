@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...compilation import njit, numba
+from ...compilation import kernel_part, njit, numba
 from .illumination import Antennas, two_way_amplitude
 from .memory import plain
 
@@ -71,7 +71,7 @@ def _correlate(first, step, re, im, tx, rx, points, antennas, out):
         _correlate_group(np.int64(group), first, step, re, im, tx, rx, points, antennas, out)
 
 
-@njit
+@kernel_part
 def _correlate_group(group, first, step, re, im, tx, rx, points, antennas, out):
     """`_LANES` points of `_correlate`."""
     n_pulses, n_channels, n_bins = re.shape
@@ -117,7 +117,7 @@ def _correlate_profiles(samples, tx, rx, points, start_m, spacing_m, cycles_per_
                          half, sharpness, antennas, image, covered)
 
 
-@njit
+@kernel_part
 def _correlate_point(i, samples, tx, rx, points, start_m, spacing_m, cycles_per_m, half,
                      sharpness, antennas, image, covered):
     """One point of `_correlate_profiles`."""
@@ -137,7 +137,7 @@ def _correlate_point(i, samples, tx, rx, points, start_m, spacing_m, cycles_per_
     image[i] = total
 
 
-@njit
+@kernel_part
 def _series(profile, place, half, sharpness):
     """Profile between its samples, by Knab's series; zero outside it."""
     if place < 0 or place > len(profile) - 1:

@@ -47,7 +47,7 @@ import scipy.fft
 from llvmlite import ir
 from numba.core import cgutils, types
 
-from ...compilation import DETERMINISTIC, cfunc, njit, numba
+from ...compilation import DETERMINISTIC, cfunc, kernel_part, njit, numba
 from ...planning.transform_lengths import RADICES, radices_of, row_shape
 from .instructions import (
     BLOCK,
@@ -436,7 +436,7 @@ def transform_row(row, panel, plan):
                    twiddles + begin * width * SAMPLE_BYTES)
 
 
-@njit
+@kernel_part
 def _transform_columns(code, row, panel, matrix, width, plan):
     for group in range(0, width // LANES, _GROUPS):
         shift = group * GROUP_BYTES
@@ -447,7 +447,7 @@ def _transform_columns(code, row, panel, matrix, width, plan):
         run_passes(code, row + shift, panel, matrix + shift, 1, *plan, 0)
 
 
-@njit
+@kernel_part
 def _transpose_lines(lines, line_bytes, panel, width):
     """LANES lines into a panel in which their elements lie side by side."""
     for begin in range(0, width, BLOCK):

@@ -21,7 +21,7 @@ import numpy as np
 from llvmlite import ir
 from numba.core import types
 
-from ...compilation import njit, numba
+from ...compilation import kernel_part, njit, numba
 from ...planning.exact.backprojection import BackprojectionPlan
 from ...planning.exact.groups import QUAD, GroupedMap
 from ...planning.exact.points import ImagePoints
@@ -402,7 +402,7 @@ def form_parts(cells, degrees, tx, rx, repeats, parts, frequency, lines, work, c
             job = take_job(counter)
 
 
-@njit(error_model='numpy')
+@kernel_part(error_model='numpy')
 def _form_segment(cells, degrees, tx, rx, repeats, part, frequency, lines, work, task, block, s):
     """A segment of LINES lines of a part."""
     begin, end = part[0], part[1]

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ...compilation import njit, numba
+from ...compilation import kernel_part, njit, numba
 from ...geometry.polar import PolarGrid
 from ...planning.interpolators import LINE_DEGREE
 from .illumination import Antennas, TileAmplitudes
@@ -127,7 +127,7 @@ class LineWork(NamedTuple):
     base: np.ndarray
 
 
-@njit(inline='always')
+@kernel_part(distinct=True)
 def _line_paths(lines, group, number, centres, echo, paths, task, first):
     """Distance of a segment's middle from a phase centre and three derivatives, line by line."""
     cx, cy, cz = centres[echo, 0], centres[echo, 1], centres[echo, 2]
@@ -154,7 +154,7 @@ def _line_paths(lines, group, number, centres, echo, paths, task, first):
         paths[task, first + 3, j] = d3
 
 
-@njit(inline='always')
+@kernel_part(distinct=True)
 def _line_fourths(lines, group, number, centres, echo, paths, task, first, to):
     """Fourth derivatives of the distances whose others are in `first` and the rows behind it."""
     cx, cy, cz = centres[echo, 0], centres[echo, 1], centres[echo, 2]
@@ -190,7 +190,7 @@ def _project_lines(profiles, tx, rx, repeats, lines, ramp, image, layout, index,
                   work, illumination)
 
 
-@njit(distinct=True)
+@kernel_part(distinct=True)
 def _add_task(task, profiles, tx, rx, repeats, lines, ramp, image, layout, index, work,
               illumination):
     """Add the echoes to the segments of one task; arguments as of `_project_lines`."""
@@ -204,6 +204,8 @@ def _add_task(task, profiles, tx, rx, repeats, lines, ramp, image, layout, index
     # Unsigned indices spare the compiler the test for negative ones, which stops vectorisation.
     p = np.uint64(n_cells)
     inverse_step, inverse_phases = 1.0 / step, 1.0 / n_phases
+    # Rows of paths; a function is compiled for each literal number, but once for all others.
+    of_tx, of_rx = np.int64(0), np.int64(4)
     n_groups = lines.shape[0]
     n_pieces = n_groups * lines.shape[1]
     # Neighbouring groups of lines read the same part of the profiles, so they come in turn.
@@ -222,10 +224,10 @@ def _add_task(task, profiles, tx, rx, repeats, lines, ramp, image, layout, index
             work_im[i] = 0.0
         shared = (number * segment + half) * float(n_phases)
         # Echoes are near each other: what their phases have in common comes last.
-        _line_paths(lines, group, number, tx, middle, paths, task, 0)
-        _line_paths(lines, group, number, rx, middle, paths, task, 4)
-        _line_fourths(lines, group, number, tx, middle, paths, task, 0, 11)
-        _line_fourths(lines, group, number, rx, middle, paths, task, 4, 12)
+        _line_paths(lines, group, number, tx, middle, paths, task, of_tx)
+        _line_paths(lines, group, number, rx, middle, paths, task, of_rx)
+        _line_fourths(lines, group, number, tx, middle, paths, task, of_tx, of_tx + 11)
+        _line_fourths(lines, group, number, rx, middle, paths, task, of_rx, of_tx + 12)
         for j in range(LINES):
             k1, k2, k3 = _drift(paths, task, j, 4, inverse_step, n_phases)
             paths[task, 8, j], paths[task, 9, j], paths[task, 10, j] = k1, k2, k3
@@ -239,11 +241,11 @@ def _add_task(task, profiles, tx, rx, repeats, lines, ramp, image, layout, index
                     same = 0
                 latest = echo
             if same == 0:
-                _line_paths(lines, group, number, tx, echo, paths, task, 0)
+                _line_paths(lines, group, number, tx, echo, paths, task, of_tx)
             other = 0
             if repeats[echo, 1] == 0:
                 other = 4
-                _line_paths(lines, group, number, rx, echo, paths, task, 4)
+                _line_paths(lines, group, number, rx, echo, paths, task, of_rx)
             for j in range(LINES):
                 v = (0.5 * (paths[task, 0, j] + paths[task, other, j])
                      - range_zero) * inverse_step

@@ -26,7 +26,7 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 
-from ...compilation import njit, numba
+from ...compilation import kernel_part, njit, numba
 from ...planning.exact.points import ImagePoints, PointPlan, image_layers
 from ...signal.radar import RadarParameters
 from .illumination import Antennas, PointAntennas, TileNodes, amplitude_of, dark_sphere
@@ -270,7 +270,7 @@ def _project_points(profiles, tx, rx, tiles, image, work, illumination):
         _add_tiles(np.uint64(group), n_groups, profiles, tx, rx, tiles, image, work, illumination)
 
 
-@njit(distinct=True, error_model='numpy')
+@kernel_part(distinct=True, error_model='numpy')
 def _add_tiles(group, n_groups, profiles, tx, rx, tiles, image, work, illumination):
     """Add echoes to every so many tiles."""
     coefficients, n_echoes, n_cells, range_zero, step, cycles_per_step, cycles_zero = profiles

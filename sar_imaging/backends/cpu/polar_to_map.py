@@ -472,9 +472,10 @@ def _resample(polar, grid, reach, between, along, target, tables, memory, share)
                         beside = rows[min(number * LANES + j, len(rows) - 1)]
                         tables[task, 0, j] = beside
                         tables[task, 1, j] = beside * beside + height2
-                    n_chunks = _set_off(tables[task], line[pixel] ** 2,
-                                        line[pixel + n_some // 2] ** 2,
-                                        line[pixel + n_some - 1] ** 2, ranges, first, len(taps))
+                    low, middle = line[pixel], line[pixel + n_some // 2]
+                    high = line[pixel + n_some - 1]
+                    n_chunks = _set_off(tables[task], low * low, middle * middle, high * high,
+                                        ranges, first, len(taps))
                     _to_ranges(real, imag, apart, n_range, last, squares, inverses, direction,
                                weights_between, taps_between, tables[task], first, n_chunks,
                                panel, strip, strip_bytes)
