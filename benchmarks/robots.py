@@ -139,10 +139,9 @@ class Work:
 
     def __init__(self, call, clock=time.process_time):
         self.call, self._clock, self._seconds = call, clock, []
+        self()  # which may compile
+        self._seconds.clear()
         self.result = self()
-        if not self.slow:  # the first call may compile
-            self.result = self()
-            self._seconds.clear()
 
     def __call__(self):
         """Do it once more."""

@@ -63,7 +63,7 @@ def report_peak(call: Callable[[], np.ndarray], extra: Mapping[str, float]) -> N
     before = _status_mib('VmRSS')
     image = call()
     print(json.dumps({'peak_mib': round(_status_mib('VmHWM') - before, 1),
-                      'output_mib': round(image.nbytes / 2**20, 1), **extra}))
+                      'output_mib': round(np.asarray(image).nbytes / 2**20, 1), **extra}))
 
 
 def _status_mib(field: str) -> float:
