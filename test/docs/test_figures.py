@@ -126,7 +126,7 @@ FIGURES = {name.removeprefix('_'): function for name, function in {
                             _conversions)}.items()}
 # Pages that tell the same of a file, in these words.
 PAGES = {'afbp': ('benchmarks.md', ['0.23', '-66.5', '-60.3']),
-         'backprojection': ('benchmarks.md', ['2.1 to 11, median 4.3']),
+         'backprojection': ('benchmarks.md', ['6.7 to 35, median 11.6']),
          'live': ('live_performance.md', ['-90.9']),
          'mistakes': ('troubleshooting.md', ['135 of 137']),
          'gpu': ('gpu.md', ['147 ms'])}
