@@ -478,10 +478,15 @@ class Imager:
         image, report = planned.image(block, onto)
         if not image.size:
             return image, report
-        middle = self.grid.positions(*(np.array([n // 2]) for n in self.grid.shape))
-        told = flight_warnings(middle.reshape(1, 3), block, self._options.illumination)
+        told = flight_warnings(self._middle_m, block, self._options.illumination)
         return image, (dataclasses.replace(report, warnings=(*report.warnings, *told)) if told
                        else report)
+
+    @functools.cached_property
+    def _middle_m(self) -> np.ndarray:
+        """(1, 3) position of the pixel in the middle of the grid, metres."""
+        middle = self.grid.positions(*(np.array([n // 2]) for n in self.grid.shape))
+        return middle.reshape(1, 3)
 
     @staticmethod
     def _check_memory(shape: tuple[int, ...]) -> None:

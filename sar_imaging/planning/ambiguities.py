@@ -170,13 +170,16 @@ def flight_warnings(place_m, block: PulseBlock, pattern: AntennaPattern | None
     Nothing where an antenna pattern is told, or the stamps are not those of pulses: they lie
     closer than a profile is long.
     """
-    radar, stamps = block.radar, np.unique(block.stamp_ns)
-    if pattern is not None or len(stamps) < 3:
+    if pattern is not None or block.n_pulses < 3:
         return ()
-    interval_s = float(np.median(np.diff(stamps))) * 1e-9
+    radar, middle = block.radar, block.n_pulses // 2
     speed = radar.propagation_speed_m_per_s
-    middle = block.n_pulses // 2
     range_m = half_paths(block.tx_m[middle, :1], block.rx_m[middle, :1], place_m)[0].item()
+    steps = np.diff(block.stamp_ns)
+    if steps.min() >= 2e9 * range_m / speed:  # as of nearly all radars
+        return ()
+    stamps = np.unique(block.stamp_ns)
+    interval_s = float(np.median(np.diff(stamps))) * 1e-9 if len(stamps) > 2 else math.inf
     if (not 2 * range_m / speed > interval_s
             or block.n_samples / radar.sample_rate_hz > interval_s):
         return ()

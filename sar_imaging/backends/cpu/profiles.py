@@ -13,12 +13,12 @@ import numpy as np
 from llvmlite import ir
 from numba.core import types
 
-from ...compilation import njit, numba
+from ...compilation import kernel_part, njit, numba
 from ...planning.interpolators import TAPS
 from ...planning.profiles import PhaseHistory, RangeGate, RangeResampling, rise
 from ...signal.radar import RadarParameters
-from .fft import transform_rows
-from .instructions import FLOAT, INT, LANES, Vector, instructions
+from .fft import plan_row, transform_by_scipy, transform_row, transform_rows
+from .instructions import FLOAT, INT, LANES, Vector, instructions, job_counter, take_job
 from .memory import WorkSpace
 
 _i = types.int64
@@ -61,46 +61,6 @@ def weigh_samples(b, samples, imaginary, weights, degrees, begin, end, target, p
     b.position_at_end(behind)
 
 
-def farrow_coefficients(samples, weights, first, pad, out):
-    """Coefficients of every interval of a range grid with the phase first.
-
-    Parameters
-    ----------
-    samples : (2, R, U, n - 2 * pad + 2 * TAPS) float32
-        Real and imaginary part of R profiles; sample ``U * (cell - pad) + phase`` stands at
-        ``[phase, cell - pad + TAPS]``. Contiguous.
-    weights, first : (degree + 1, TAPS) float32, int
-        Of `Interpolator`.
-    pad : int
-        Cells at both ends that stay as they are; between them are LANES or more.
-    out : (R, U, 2 * (degree + 1), n) float32
-        Planes of real, then imaginary coefficients of each phase.
-    """
-    n_phases, length = samples.shape[2:]
-    step = np.arange(n_phases)[:, None] + np.arange(TAPS) + first
-    start = (step % n_phases) * length + step // n_phases + TAPS
-    weights = np.ascontiguousarray(weights)
-    _weigh_all(samples.ctypes.data, samples.shape, 4 * start, weights.ctypes.data,
-               (0,) * (len(weights) - 1), pad, out)
-
-
-@njit(parallel=True)
-def _weigh_all(samples, shape, start, weights, degrees, pad, out):
-    """Echoes and phases in parallel; the last vector begins earlier than where others end."""
-    _, n_echoes, n_phases, length = shape
-    n_planes, n = out.shape[2:]
-    inside, imaginary = n - 2 * pad, 4 * n_echoes * n_phases * length
-    neighbours = np.empty((n_echoes * n_phases, TAPS), np.int64)
-    for task in numba.prange(n_echoes * n_phases):
-        echo, phase = task // n_phases, task % n_phases
-        for k in range(TAPS):
-            neighbours[task, k] = samples + 4 * echo * n_phases * length + start[phase, k]
-        table = neighbours.ctypes.data + 8 * task * TAPS
-        target = out.ctypes.data + 4 * (task * n_planes * n + pad)
-        weigh_samples(table, imaginary, weights, degrees, 0, inside - LANES + 1, target, 4 * n)
-        weigh_samples(table, imaginary, weights, degrees, inside - LANES, inside, target, 4 * n)
-
-
 _CHUNK_BYTES = 64 << 20  # coefficients of one pass over the image
 _GUARD = 8  # range cells beyond the ranges of the image
 
@@ -129,6 +89,10 @@ class Profiles:
         self._count = math.ceil(hi) + _GUARD + self._pad - self._first
         gain = source.gain(resampling.n_padded, resampling.oversampling(self.radar))
         self._gain = np.repeat(gain, 2)  # of real and imaginary part
+        self._length = self._count - 2 * self._pad + 2 * TAPS
+        first, stop = self._first + self._pad - TAPS, self._length
+        self._cells = resampling.n_cells, first, *((0, stop) if source.periodic else (
+            min(max(-first, 0), stop), max(min(resampling.n_cells - first, stop), 0)))
 
     @property
     def n_cells(self) -> int:
@@ -168,80 +132,181 @@ class Profiles:
         Returns
         -------
         (R, U, 2 * (degree + 1), n) float32
-            As `farrow_coefficients` makes them. Valid until the next call, which writes to the
-            same memory: fresh memory for every few profiles costs as much as filling it.
+            Planes of real, then imaginary coefficients of each phase; zeros at both ends. Valid
+            until the next call, which writes to the same memory: fresh memory for every few
+            profiles costs as much as filling it.
         """
-        resampling, n_echoes = self.resampling, len(samples)
-        spectrum = spectra(self._source, samples, resampling.n_padded, self._buffer)
-        padded = self._buffer('padded', (n_echoes, resampling.n_cells * resampling.n_phases),
-                              np.complex64)
-        _pad_band(spectrum.reshape(-1).view(np.float32), spectrum.shape, self._source.zero,
-                  self._gain, padded.reshape(-1).view(np.float32), padded.shape[1])
-        transform_rows(padded, inverse=True)
-        length = self._count - 2 * self._pad + 2 * TAPS
-        first = self._first + self._pad - TAPS
-        split = self._buffer('split', (2, n_echoes, resampling.n_phases, length), np.float32)
-        inside = (0, length) if self._source.periodic else (
-            min(max(-first, 0), length), max(min(resampling.n_cells - first, length), 0))
-        _split_phases(padded.reshape(-1).view(np.float32), resampling.n_cells, first, *inside,
-                      split)
-        interpolator = resampling.interpolator
-        planes = self._buffer('planes', (n_echoes, resampling.n_phases, interpolator.n_planes,
-                                         self._count), np.float32)
-        layout, (known, n_known) = (*planes.shape[1:], self._pad), self._buffer.layouts.get(
+        resampling, memory = self.resampling, self._buffer
+        n_phases, n_dense = resampling.n_phases, resampling.n_cells * resampling.n_phases
+        rows = spectra(self._source, samples, resampling.n_padded, memory)
+        plan = plan_row(n_dense, inverse=True)
+        if plan is None:
+            rows = _dense_by_scipy(rows, self._source.zero, self._gain[::2], n_dense)
+        n_tasks = min(numba.get_num_threads(), len(rows))
+        split = memory('split', (n_tasks, 2 * n_phases * self._length), np.float32)
+        work = (memory('dense', (n_tasks, 2 * n_dense), np.float32),
+                memory('transform', (n_tasks, 2 * plan.work_samples if plan else 0), np.float32),
+                split)
+        weights, planes, jobs = resampling.interpolator.weights, self._of(len(rows)), job_counter()
+        _make_planes(np.ascontiguousarray(rows).view(np.float32), (self._source.zero, self._gain),
+                     work, plan.arguments if plan else (0,) * 10, self._cells,
+                     self._neighbours(split), weights, (0,) * (len(weights) - 1), self._pad,
+                     planes, jobs.ctypes.data)
+        return planes
+
+    def _of(self, n_echoes: int) -> np.ndarray:
+        """Memory of planes whose ends are zero."""
+        shape = self.resampling.n_phases, self.resampling.interpolator.n_planes, self._count
+        planes = self._buffer('planes', (n_echoes, *shape), np.float32)
+        layout, (known, n_known) = (*shape, self._pad), self._buffer.layouts.get(
             'planes', (None, 0))
         if known != layout or n_known < n_echoes:
             planes[..., :self._pad] = planes[..., -self._pad:] = 0.0
             self._buffer.layouts['planes'] = layout, n_echoes
-        farrow_coefficients(split, interpolator.weights, interpolator.first, self._pad, planes)
         return planes
+
+    def _neighbours(self, split: np.ndarray) -> np.ndarray:
+        """(T, U, TAPS) int64 addresses of those of each phase's interval 0, for each task.
+
+        Sample ``U * (cell - pad) + phase`` is number ``cell - pad + TAPS`` of its phase.
+        """
+        n_phases, first = self.resampling.n_phases, self.resampling.interpolator.first
+        step = np.arange(n_phases)[:, None] + np.arange(TAPS) + first
+        at = (step % n_phases) * self._length + step // n_phases + TAPS
+        task = split.ctypes.data + split.strides[0] * np.arange(len(split))
+        return task[:, None, None] + split.itemsize * at
+
+
+def _dense_by_scipy(spectra, zero: int, gain, n_dense: int) -> np.ndarray:
+    """(R, n_dense) complex64 profiles, of a length that `transform_row` does not know."""
+    n = spectra.shape[1]
+    keep, dense = min(n, n_dense), np.zeros((len(spectra), n_dense), np.complex64)
+    upper, lower = (keep + 1) // 2, keep // 2
+    weighted = np.roll(spectra * gain, -zero, axis=1)
+    dense[:, :upper], dense[:, n_dense - lower:] = weighted[:, :upper], weighted[:, n - lower:]
+    transform_by_scipy(dense, 1, inverse=True)
+    return dense
 
 
 @njit(parallel=True)
-def _pad_band(spectrum, shape, zero, gain, out, n_out):
-    """Spectra times the gain, with zeros between positive and negative frequencies or cropped.
+def _make_planes(rows, band, work, plan, cells, neighbours, weights, degrees, pad, out, jobs):
+    """Coefficients of intervals, echo by echo, so that samples stay in a core's cache.
+
+    Parameters
+    ----------
+    rows : (R, 2 K) float32
+        Spectra; dense profiles where `plan` has no lines.
+    band : (int, (2 K,) float32)
+        Bin of zero frequency, and gain.
+    work : ((T, 2 K'), (T, W), (T, 2 U L)) float32
+        Of each task: dense profile, for its transform, its phases.
+    plan : tuple of int
+        `RowPlan.arguments` of a dense profile.
+    cells : (int, int, int, int)
+        As `_split_phases` wants them.
+    neighbours : (T, U, TAPS) int64
+        Addresses of those of interval 0.
+    weights, degrees : (degree + 1, TAPS) float32, tuple
+        Of `Interpolator`; the tuple is as long as the degree.
+    pad : int
+        Cells at both ends that stay as they are; between them are LANES or more.
+    out : (R, U, 2 * (degree + 1), n) float32
+        Planes.
+    jobs : int
+        Address of a `job_counter`.
+    """
+    dense, panels, split = work
+    zero, gain = band
+    for task in numba.prange(len(split)):
+        echo = take_job(jobs)
+        while echo < len(out):
+            row = rows[echo]
+            if plan[2] > 0:
+                _pad_band(row, zero, gain, dense[task])
+                row = dense[task]
+                transform_row(np.int64(row.ctypes.data), np.int64(panels[task].ctypes.data), plan)
+            _split_phases(row, cells, out.shape[1], split[task])
+            _weigh_phases(split[task], neighbours[task], weights, degrees, pad, out[echo])
+            echo = take_job(jobs)
+
+
+@kernel_part(distinct=True)
+def _pad_band(spectrum, zero, gain, out):
+    """A spectrum times the gain, with zeros between positive and negative frequencies or cropped.
 
     Real and imaginary parts come in turn. Positive frequencies start at bin `zero` of the
-    spectra, negative ones end before it. Written for the compiler, see `lines.project_lines`.
+    spectrum, negative ones end before it. Written for the compiler, see `lines.project_lines`.
     """
-    n_echoes, n = shape
+    n, n_out = len(spectrum) // 2, len(out) // 2
     keep = min(n, n_out)
     upper, lower = np.uint64(2 * ((keep + 1) // 2)), np.uint64(2 * (keep // 2))
     positive, negative = np.uint64(2 * zero), np.uint64(2 * ((zero - keep // 2) % n))
-    for echo in numba.prange(n_echoes):
-        to, source = np.uint64(echo * 2 * n_out), np.uint64(echo * 2 * n)
-        for k in range(upper):
-            out[to + k] = spectrum[source + positive + k] * gain[positive + k]
-        to += upper
-        between = np.uint64(2 * (n_out - keep))
-        for k in range(between):
-            out[to + k] = 0.0
-        to += between
-        for k in range(lower):
-            out[to + k] = spectrum[source + negative + k] * gain[negative + k]
+    between, behind = np.uint64(2 * (n_out - keep)), np.uint64(2 * (n_out - keep // 2))
+    for k in range(upper):
+        out[k] = spectrum[positive + k] * gain[positive + k]
+    for k in range(between):
+        out[upper + k] = 0.0
+    for k in range(lower):
+        out[behind + k] = spectrum[negative + k] * gain[negative + k]
 
 
-@njit(parallel=True)
-def _split_phases(dense, n_cells, first, start, stop, out):
-    """Real and imaginary part of cells, phase by phase; 0 before `start` and from `stop` on.
+@kernel_part(distinct=True)
+def _split_phases(dense, cells, n_phases, out):
+    """Real, then imaginary parts of some cells of a profile, each phase by phase.
 
-    Cells are counted from `first` of the dense profile, which repeats.
+    `cells` are those of the dense profile, which repeats; the first that is read; and, counted
+    from it, the first that there is and the end: others are 0.
     """
-    _, n_echoes, n_phases, length = out.shape
-    step = np.uint64(2 * n_phases)
-    for echo in numba.prange(n_echoes):
-        for phase in range(n_phases):
-            for part in range(2):
-                for i in range(length):
-                    out[part, echo, phase, i] = 0.0
-                done = start
-                while done < stop:
-                    cell = (first + done) % n_cells
-                    source = np.uint64(2 * ((echo * n_cells + cell) * n_phases + phase) + part)
-                    some = min(stop - done, n_cells - cell)
-                    for i in range(some):
-                        out[part, echo, phase, done + i] = dense[source + np.uint64(i) * step]
-                    done += some
+    n_cells, first, start, stop = cells
+    length = len(out) // (2 * n_phases)
+    for part in range(2 * n_phases):
+        for i in range(start):
+            out[part * length + i] = 0.0
+        for i in range(stop, length):
+            out[part * length + i] = 0.0
+    done = start
+    while done < stop:
+        cell = (first + done) % n_cells
+        some = min(stop - done, n_cells - cell)
+        _separate(dense[2 * cell * n_phases:], n_phases, np.uint64(some), np.uint64(length),
+                  out[done:])
+        done += some
+
+
+@kernel_part(distinct=True)
+def _separate(dense, n_phases, n, apart, out):
+    """Phases of n cells, `apart` from each other; the compiler has vectors for known steps."""
+    if n_phases == 1:
+        for i in range(n):
+            for part in range(np.uint64(2)):
+                out[part * apart + i] = dense[np.uint64(2) * i + part]
+    elif n_phases == 2:
+        second, third, fourth = apart, np.uint64(2) * apart, np.uint64(3) * apart
+        for i in range(n):
+            at = np.uint64(4) * i
+            out[i], out[third + i] = dense[at], dense[at + np.uint64(1)]
+            out[second + i], out[fourth + i] = dense[at + np.uint64(2)], dense[at + np.uint64(3)]
+    else:
+        for phase in range(np.uint64(n_phases)):
+            for part in range(np.uint64(2)):
+                to = (part * np.uint64(n_phases) + phase) * apart
+                for i in range(n):
+                    at = np.uint64(2) * (i * np.uint64(n_phases) + phase) + part
+                    out[to + i] = dense[at]
+
+
+@kernel_part
+def _weigh_phases(split, neighbours, weights, degrees, pad, out):
+    """Phase by phase; the last vector begins earlier than where others end."""
+    n_phases, n_planes, n = out.shape
+    inside, imaginary = n - 2 * pad, 2 * len(split)
+    for phase in range(n_phases):
+        table = neighbours[phase].ctypes.data
+        target = out[phase].ctypes.data + 4 * pad
+        weigh_samples(table, imaginary, weights.ctypes.data, degrees, 0, inside - LANES + 1,
+                      target, 4 * n)
+        weigh_samples(table, imaginary, weights.ctypes.data, degrees, inside - LANES, inside,
+                      target, 4 * n)
 
 
 def spectra(source: RangeGate | PhaseHistory, samples: np.ndarray, n_padded: int,
