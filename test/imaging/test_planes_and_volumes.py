@@ -237,15 +237,15 @@ def test_terrain_and_points_are_grids_too(make_case):
         plan_image(AIRCRAFT.grid, radar, n, height_m=heights)
 
 
-def test_positions_of_oblique_grids_are_part_of_the_memory(monkeypatch):
+def test_positions_of_oblique_grids_are_part_of_the_memory():
     for scene, bytes_per_pixel in ((RAIL, 0), (ROOM, 0), (OBLIQUE, 24)):
         block, shape = scene.block(scene.random_points(3)), scene.grid.shape
         plan = plan_image(scene.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
                           method='exact', target_db=-80.0).report.plan
         assert plan.method == 'points'
         assert plan.n_bytes == bytes_per_pixel * np.prod(shape)
-    monkeypatch.setattr(memory, 'available_bytes', lambda: 16 * int(np.prod(shape)))
-    with pytest.raises(MemoryError, match="30 x 24 x 23 pixels by method 'exact' needs"):
+    with memory.granting(16 * np.prod(shape)), pytest.raises(
+            MemoryError, match="30 x 24 x 23 pixels by method 'exact' needs"):
         exact_image(scene.grid, block)
 
 

@@ -18,6 +18,15 @@ def test_memory_that_is_just_enough_is_enough(monkeypatch):
         memory.check_memory(5_000_001, 'it', 'do something')
 
 
+def test_what_is_little_is_checked_where_a_plan_grants_less(monkeypatch):
+    monkeypatch.setattr(memory, '_machine_bytes', lambda: 0)
+    memory.check_memory(4 << 20, 'it', 'do something')  # where even that is missing nothing runs
+    with pytest.raises(MemoryError, match='do something'):
+        memory.check_memory((4 << 20) + 1, 'it', 'do something')
+    with memory.granting(1000), pytest.raises(MemoryError, match='do something'):
+        memory.check_memory(1001, 'it', 'do something')
+
+
 # ------------------------------------------------------------------------------- the cut
 
 @pytest.mark.parametrize(('step_m', 'pieces'), [

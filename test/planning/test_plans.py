@@ -84,13 +84,12 @@ def test_errors_by_cause_make_the_predicted_one(make_case, plan):
 @pytest.mark.parametrize(('plan', 'method'), [
     (_afbp, 'afbp'), (_ffbp, 'ffbp'), (_wavenumber, 'wavenumber'),
     (_zero_padding, 'zero-padding')])
-def test_a_plan_knows_the_memory_of_its_image(make_case, monkeypatch, plan, method):
+def test_a_plan_knows_the_memory_of_its_image(make_case, plan, method):
     case = make_case(1e3, pulses=128)
     plan = plan(case)
     assert plan.n_bytes >= 8 * case.grid.n_x * case.grid.n_y
-    monkeypatch.setattr(memory, 'available_bytes', lambda: plan.n_bytes - 1)
     block = case.block
-    with pytest.raises(MemoryError, match='an image'):
+    with memory.granting(plan.n_bytes - 1), pytest.raises(MemoryError, match='an image'):
         plan_image(case.grid, block.radar, block.n_samples, block.tx_m, block.rx_m,
                    method=method, target_db=-50.0)
 
