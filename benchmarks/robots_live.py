@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import itertools
 import json
 import math
 import os
@@ -70,13 +71,14 @@ def aperture_number(image: Received, prf_hz: float, per_aperture: int) -> int:
 
 
 def parameters(grid: MapGrid, block: PulseBlock) -> dict:
-    """Parameters of sar_pipeline for a map; blocks of 1 MB, as check_config advises."""
+    """Parameters of sar_pipeline for a map; equal blocks of about 1 MB, as is best."""
     made = parameters_from_truth({
         'frame': 'map', 'pulses_per_aperture': block.n_pulses, 'grid': {
             'centre_m': grid.centre_m, 'n_x': grid.n_x, 'n_y': grid.n_y,
             'spacing_m': grid.spacing_m}})
-    made['pulse_buffer']['pulses_per_block'] = min(
-        block.n_pulses, math.ceil(1e6 * block.n_pulses / block.samples.nbytes))
+    n_blocks = next(n for n in itertools.count(max(1, round(block.samples.nbytes / 1e6)))
+                    if block.n_pulses % n == 0)
+    made['pulse_buffer']['pulses_per_block'] = block.n_pulses // n_blocks
     return pipeline_parameters(made)
 
 
