@@ -34,13 +34,14 @@ ROOT = pathlib.Path(__file__).parents[1]
 FOLDER = ROOT / 'build' / 'aarch64'
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'aarch64.json'
 PACKAGES = ('python3-minimal', 'libpython3-stdlib', 'libstdc++6', 'libgomp1')
-WHEELS = ('numpy', 'scipy', 'numba', 'llvmlite', 'tqdm')
+WHEELS = ('numpy', 'scipy', 'numba', 'llvmlite', 'tqdm', 'pyyaml')
 PLATFORMS = ('manylinux2014_aarch64', 'manylinux_2_27_aarch64', 'manylinux_2_28_aarch64')
 EMULATOR = 'qemu-aarch64-static'
 # Between processors, whose roundings differ; -120 dB is what a change may do on one of them.
 MOST_DB, MOST_PREDICTION_DB = -100.0, 0.01
 CASES = ('exact_100m', 'exact_1km_5_channels', 'exact_50km_5_channels', 'exact_curved',
-         'afbp_1km', 'afbp_10km_5_channels', 'afbp_phase_history', 'ffbp', 'terrain')
+         'exact_near', 'exact_phase_history', 'afbp_1km', 'afbp_10km_5_channels',
+         'afbp_phase_history', 'ffbp', 'terrain')
 
 
 def fetch_python(folder: pathlib.Path) -> pathlib.Path:
