@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -91,7 +92,7 @@ def test_kill_9_of_two_workers_and_a_restart_make_the_bits_of_one(folder, one_wo
     output = folder / 'killed'
     process = start(folder, output, 2)
     while len(list(output.glob('records/*/*.json'))) < RECORDINGS and process.poll() is None:
-        pass
+        time.sleep(0.02)
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()
     assert process.returncode == -signal.SIGKILL

@@ -20,14 +20,14 @@ pytest.importorskip('distributed', reason='the extra archive is not installed')
 from sar_imaging.archive.scans import remove_parts
 
 SCRIPT = Path(__file__).parent / 'toy_job.py'
-LEAVES = 12
+LEAVES, ROUNDS = 12, 500
 
 
-def start(output, workers=2, rounds=500, *more):
+def start(output, workers=2):
     """The job in a session of its own, which is what a terminal gives it."""
     output.mkdir(exist_ok=True)
     return subprocess.Popen(
-        [sys.executable, str(SCRIPT), str(output), str(LEAVES), str(workers), str(rounds), *more],
+        [sys.executable, str(SCRIPT), str(output), str(LEAVES), str(workers), str(ROUNDS)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
 
 
@@ -39,17 +39,17 @@ def finish(process):
 
 @pytest.fixture(scope='module')
 def one_worker(toys, tmp_path_factory):
-    """Bits of a job that nothing disturbed, with one worker."""
+    """Bits of all pieces, computed one after the other by this process."""
     output = tmp_path_factory.mktemp('one')
-    summary, err = finish(start(output, 1))
-    assert summary['exit_status'] == 0 and err == ''
+    for piece in toys.tree(LEAVES, rounds=ROUNDS):
+        toys.compute(piece, output)
     return toys.bits(output)
 
 
 def test_the_same_bits_with_four_workers(toys, tmp_path, one_worker):
     """Those of two are compared where jobs are killed."""
-    summary, _ = finish(start(tmp_path, 4))
-    assert summary['exit_status'] == 0 and len(one_worker) == summary['n_pieces']
+    summary, err = finish(start(tmp_path, 4))
+    assert summary['exit_status'] == 0 and err == '' and len(one_worker) == summary['n_pieces']
     assert toys.bits(tmp_path) == one_worker
 
 
@@ -58,11 +58,11 @@ def finished(output):
     return {json.loads(path.read_text())['key'] for path in output.glob('records/*/*.json')}
 
 
-def kill_and_go_on(toys, output, seed):
-    """Kill the job and its workers after some pieces, twice, then let it end."""
+def kill_and_go_on(toys, output, seed, kills=2):
+    """Kill the job and its workers after some pieces, then let it end."""
     rng = random.Random(seed)
     before = set()
-    for _ in range(2):
+    for _ in range(kills):
         process = start(output)
         for _ in range(rng.randrange(1, 1 + LEAVES // 2)):
             process.stdout.readline()
@@ -77,7 +77,7 @@ def kill_and_go_on(toys, output, seed):
 
 def test_kill_9_of_everything_and_a_restart(toys, tmp_path, one_worker):
     job = tmp_path / 'job'
-    kill_and_go_on(toys, job, seed=0)
+    kill_and_go_on(toys, job, seed=0, kills=1)
     assert toys.bits(job) == one_worker
     record = next(job.glob('records/*/*.json'))
     # What a worker leaves that is killed before it moves a record to its place.
