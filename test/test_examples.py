@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import doctest
 import enum
 import importlib
@@ -44,9 +45,14 @@ PAGES_WITH_EXAMPLES = [page for page in PAGES if '\n>>> ' in page.read_text()]
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """An empty folder beside the recordings of `bags`, in which examples read and write."""
+    """An empty folder beside the recordings of `bags`; workers that examples start are forked."""
     (tmp_path / 'bags').symlink_to(ROOT / 'bags')
     monkeypatch.chdir(tmp_path)
+    workers = contextlib.nullcontext
+    with contextlib.suppress(ImportError):  # the extra archive
+        from .archive.forked_workers import forked_workers as workers
+    with workers():
+        yield
 
 
 @pytest.mark.parametrize('name', sorted(public_objects()))

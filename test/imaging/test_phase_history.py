@@ -3,6 +3,7 @@
 """AFBP and exact images of phase histories without range compression, against correlation."""
 
 import dataclasses
+import functools
 import itertools
 
 import numpy as np
@@ -18,6 +19,7 @@ from sar_imaging.signal.range_compression import RangeCompressor
 RANGE_M = 3e3
 
 
+@functools.cache
 def _block(n_frequencies, *, channels=1, pulses=192, n_side=96):
     """Phase history of random scatterers on a map of 48 m, referred to its middle."""
     rng = np.random.default_rng(4)

@@ -37,11 +37,11 @@ def read_whole(path, **options):
         return concatenate(list(reader.blocks()))
 
 
-@pytest.mark.parametrize('place', PLACES)
 @pytest.mark.parametrize('side', [1, -1], ids=['right', 'left'])
-@pytest.mark.parametrize(('compressed', 'n_channels', 'options'), [
-    (False, 1, {}), (False, 3, {'sign': 1}), (False, 2, {'domain': 'TOA'}),
-    (True, 1, {'sample_type': 'CI4'}), (True, 3, {'sample_type': 'CI2', 'sign': 1})])
+@pytest.mark.parametrize(('place', 'compressed', 'n_channels', 'options'), [
+    ('equator', False, 1, {}), ('70 north', False, 3, {'sign': 1}),
+    ('date line', False, 2, {'domain': 'TOA'}), ('70 north', True, 1, {'sample_type': 'CI4'}),
+    ('date line', True, 3, {'sample_type': 'CI2', 'sign': 1})])
 def test_checker_accepts(tmp_path, place, side, compressed, n_channels, options):
     block = pulses(compressed, n_channels, side=side)
     write_cphd(tmp_path / 'a.cphd', [block], PLACES[place], GRID, **options)

@@ -74,7 +74,8 @@ def flight():
 def find_peaks(samples, near):
     """(S, 2) fractional row and column of the maxima next to some pixels.
 
-    The spectrum is padded to 8 times its size, and a parabola goes through the highest values.
+    The Fourier series is read every eighth of a pixel, and a parabola goes through the highest
+    values.
 
     Parameters
     ----------
@@ -83,18 +84,17 @@ def find_peaks(samples, near):
     near : (S, 2) array_like
         Where to look, within three pixels.
     """
-    rows, columns = samples.shape
-    spectrum = np.fft.fftshift(np.fft.fft2(samples))
-    fine = np.zeros((8 * rows, 8 * columns), complex)
-    fine[4 * rows - rows // 2:][:rows, 4 * columns - columns // 2:][:, :columns] = spectrum
-    power = np.abs(np.fft.ifft2(np.fft.ifftshift(fine)))**2
+    spectrum, steps = np.fft.fft2(samples) / samples.size, np.arange(-25, 26) / 8
     out = []
-    for row, column in np.round(8 * np.asarray(near)).astype(int):
-        window = power[row - 24:row + 25, column - 24:column + 25]
-        i, j = (int(n) - 24 for n in np.unravel_index(window.argmax(), window.shape))
-        at = power[row + i - 1:row + i + 2, column + j - 1:column + j + 2]
-        shift = [(p[2] - p[0]) / (2 * (2 * p[1] - p[0] - p[2])) for p in (at[:, 1], at[1])]
-        out.append([(row + i + shift[0]) / 8, (column + j + shift[1]) / 8])
+    for middle in np.round(8 * np.asarray(near)) / 8:
+        down, across = (np.exp(2j * np.pi * np.outer(place + steps, np.fft.fftfreq(n)))
+                        for place, n in zip(middle, samples.shape, strict=True))
+        power = np.abs(down @ spectrum @ across.T)**2
+        inside = power[1:-1, 1:-1]
+        i, j = np.add(np.unravel_index(inside.argmax(), inside.shape), 1)
+        shift = [(p[2] - p[0]) / (2 * (2 * p[1] - p[0] - p[2]))
+                 for p in (power[i - 1:i + 2, j], power[i, j - 1:j + 2])]
+        out.append(middle + steps[[i, j]] + np.divide(shift, 8))
     return np.array(out)
 
 

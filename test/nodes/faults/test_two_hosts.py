@@ -16,10 +16,8 @@ from sar_imaging.geometry.grids import MapGrid
 from sar_imaging.tools.node_processes import (
     NO_LOG_FILES,
     NODES,
-    PIPELINE,
     isolated_environment,
     parameters_from_truth,
-    pipeline_parameters,
     write_parameters,
 )
 
@@ -78,19 +76,17 @@ def two_hosts():
         yield inside
 
 
-@pytest.mark.parametrize('names', [NODES, PIPELINE], ids=['nodes', 'pipeline'])
 def test_pulses_from_another_host_give_the_same_images(two_hosts, spotlight, tmp_path,
-                                                       pytestconfig, names):
+                                                       pytestconfig):
     radar_host, imaging_host = two_hosts
     environment = isolated_environment() | {
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET', 'ROS_LOG_DIR': str(tmp_path)}
     parameters = tmp_path / 'parameters.yaml'
-    values = parameters_from_truth(spotlight.truth)
-    write_parameters(parameters, pipeline_parameters(values) if names == PIPELINE else values)
+    write_parameters(parameters, parameters_from_truth(spotlight.truth))
     bag = pytestconfig.rootpath / 'bags' / 'spotlight'
     with contextlib.ExitStack() as stack:
         nodes = []
-        for name in names:
+        for name in NODES:
             log = stack.enter_context(open(tmp_path / f'{name}.log', 'wb'))
             nodes.append(stack.enter_context(subprocess.Popen(
                 [*imaging_host, sys.executable, '-m', f'sar_imaging.nodes.{name}',
@@ -99,13 +95,13 @@ def test_pulses_from_another_host_give_the_same_images(two_hosts, spotlight, tmp
             stack.callback(nodes[-1].send_signal, signal.SIGINT)
         evaluate = subprocess.run(
             [*radar_host, sys.executable, '-m', 'sar_imaging.tools.evaluate', str(bag),
-             '--output', str(tmp_path / 'out'), *(['--pipeline'] if names == PIPELINE else [])],
+             '--output', str(tmp_path / 'out')],
             env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
-        logs = '\n'.join((tmp_path / f'{name}.log').read_text() for name in names)
+        logs = '\n'.join((tmp_path / f'{name}.log').read_text() for name in NODES)
         assert evaluate.returncode == 0, f'{evaluate.stderr}\n{logs}'
     [cable] = json.loads(ip('-s', '-j', 'link', 'show', 'cable', inside=radar_host))
     assert cable['stats64']['tx']['bytes'] > sum(len(cdr) for cdr in spotlight.raw)
-    assert [node.returncode for node in nodes] == [0] * len(names)
+    assert [node.returncode for node in nodes] == [0] * len(NODES)
 
     image = np.load(tmp_path / 'out' / 'image.npy')
     grid = spotlight.truth['grid']
