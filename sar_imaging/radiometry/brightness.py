@@ -26,7 +26,7 @@ OF_THE_GROUND = 'sigma0', 'gamma0'
 _EDGE_ON_RAD = math.radians(89.0)
 
 
-def brightness(image, response: ImageResponse, constant: RadarConstant,
+def brightness(image: np.ndarray, response: ImageResponse, constant: RadarConstant,
                quantity: str = 'sigma0') -> np.ndarray:
     """Calibrated brightness of an image: beta, sigma or gamma nought, or cross section.
 
@@ -166,17 +166,20 @@ def quantities_of(response: ImageResponse) -> tuple[str, ...]:
     return tuple(name for name in QUANTITIES if not (edge_on and name in OF_THE_GROUND))
 
 
-def _divisor(response: ImageResponse, quantity: str):
+def _divisor(response: ImageResponse, quantity: str) -> np.ndarray | float:
     if quantity not in QUANTITIES:
         raise ValueError(f'quantity={quantity!r}; expected one of {", ".join(QUANTITIES)}')
     if quantity not in quantities_of(response):
         raise ValueError(f'{quantity} is by square metre of the ground, and the pixels lie in the '
                          'slant plane, which the radar sees edge-on; take a map, or beta0 or rcs')
-    return {'rcs': lambda: 1.0, 'beta0': lambda: response.slant_area_m2,
-            'sigma0': lambda: response.area_m2,
-            'gamma0': lambda: response.area_m2 * np.cos(response.incidence_rad)}[quantity]()
+    if quantity == 'rcs':
+        return 1.0
+    if quantity == 'beta0':
+        return response.slant_area_m2
+    return (response.area_m2 if quantity == 'sigma0'
+            else response.area_m2 * np.cos(response.incidence_rad))
 
 
-def _shape_error(image, response: ImageResponse) -> str:
+def _shape_error(image: np.ndarray, response: ImageResponse) -> str:
     return (f'image.shape={image.shape}; the response is for an image of '
             f'{response.amplitude.shape}')

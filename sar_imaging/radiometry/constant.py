@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +58,7 @@ class RadarConstant:
     gain: float
     noise_power: float = math.nan
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not _LEAST_GAIN < self.gain < 1 / _LEAST_GAIN:  # NaN, too
             raise ValueError(f'gain={self.gain}; expected a positive number: measure it with '
                              'RadarConstant.from_reflector')
@@ -87,7 +88,7 @@ class RadarConstant:
                              ) from error
 
     @classmethod
-    def from_reflector(cls, amplitude: float, pixel, response: ImageResponse,
+    def from_reflector(cls, amplitude: float, pixel: Sequence[float], response: ImageResponse,
                        cross_section_m2: float, noise_power: float = math.nan) -> RadarConstant:
         """Measured at a reflector of known cross section.
 

@@ -23,9 +23,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import scipy
+from numpy.typing import ArrayLike
 
 from ..geometry.grids import Grid, TerrainGrid
 from ..geometry.illumination import Illumination
@@ -76,9 +78,10 @@ class ImageResponse:
     noise_gain: np.ndarray
 
 
-def image_response(grid: Grid, radar: RadarParameters, tx_m, rx_m, *,
+def image_response(grid: Grid, radar: RadarParameters, tx_m: ArrayLike, rx_m: ArrayLike, *,
                    illumination: Illumination | None = None, weighted: bool = False,
-                   weighting: str = 'none', pulse_weights=None) -> ImageResponse:
+                   weighting: str = 'none', pulse_weights: ArrayLike | None = None
+                   ) -> ImageResponse:
     """Compute what an image makes of targets, surfaces and noise, before or after it is formed.
 
     Parameters
@@ -160,7 +163,8 @@ def image_response(grid: Grid, radar: RadarParameters, tx_m, rx_m, *,
                          np.where(np.isnan(amplitude), np.nan, noise))
 
 
-def echo_sums(points, tx_m, rx_m, weights, illumination, weighted
+def echo_sums(points: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, weights: np.ndarray,
+              illumination: Illumination | None, weighted: bool
               ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Sums over the echoes of P pulses of C channels at K points (K, 3), metres.
 
@@ -182,7 +186,8 @@ def echo_sums(points, tx_m, rx_m, weights, illumination, weighted
     return echoes.sum(axis=0), (weight ** 2).sum(axis=(0, 1)), echoes, direction
 
 
-def _sums(points, normals, tx_m, rx_m, weights, illumination, weighted) -> np.ndarray:
+def _sums(points: np.ndarray, normals: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray,
+          weights: np.ndarray, illumination: Illumination | None, weighted: bool) -> np.ndarray:
     """(10, K) sums over pulses at K points: G, noise, of surface and slant plane, directions."""
     total, noise, echoes, direction = echo_sums(points, tx_m, rx_m, weights, illumination,
                                                 weighted)
@@ -215,7 +220,7 @@ def _band_sum(radar: RadarParameters, weighting: str) -> float:
                  / (radar.bandwidth_hz / _BINS * shape.sum() ** 2))
 
 
-def _normals(grid, rows, columns) -> np.ndarray:
+def _normals(grid: Grid, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """(K_y, K_x, 3) unit normals of a flat or polar grid at some of its pixels."""
     places = [np.meshgrid(np.clip(rows + row, 0, grid.shape[0] - 1),
                           np.clip(columns + column, 0, grid.shape[1] - 1), indexing='ij')
@@ -232,11 +237,13 @@ def _terrain_normals(grid: TerrainGrid) -> np.ndarray:
     return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
 
-def _interpolated_normals(knots, normals, shape) -> np.ndarray:
+def _interpolated_normals(knots: Sequence[np.ndarray], normals: np.ndarray,
+                          shape: tuple[int, int]) -> np.ndarray:
     return np.stack([_interpolated(knots, normals[..., i], shape) for i in range(3)], -1)
 
 
-def _interpolated(knots, values, shape) -> np.ndarray:
+def _interpolated(knots: Sequence[np.ndarray], values: np.ndarray, shape: tuple[int, int]
+                  ) -> np.ndarray:
     """Values at some rows and columns, at all of them, by cubic splines."""
     orders = [min(3, len(k) - 1) for k in knots]
     if min(orders) < 1:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -115,8 +115,9 @@ def some_pulses(n_pulses: int, channels: int) -> np.ndarray:
     return ((np.arange(n) + 0.5) * (n_pulses / n) - 0.5).round().astype(int)
 
 
-def illumination_of_some(pattern: AntennaPattern | None, pointing: Pointing | None, some,
-                         tx_m: np.ndarray, rx_m: np.ndarray) -> Illumination | None:
+def illumination_of_some(pattern: AntennaPattern | None, pointing: Pointing | None,
+                         some: slice | np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray
+                         ) -> Illumination | None:
     """Illumination by some of the pulses, whose phase centres (Q, C, 3) are given, metres."""
     return None if pattern is None else Illumination.of_pulses(
         pattern, pointing and pointing.select(some), tx_m, rx_m)
@@ -134,7 +135,7 @@ class _Knots:
     def shape(self) -> tuple[int, int]:
         return len(self.rows), len(self.columns)
 
-    def positions(self, row, column) -> np.ndarray:
+    def positions(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
         return self.grid.positions(self.rows[row], self.columns[column])
 
 
@@ -195,7 +196,7 @@ class BrightnessScale:
                          where=root > DIM * self.root.max(), casting='unsafe')
 
     @functools.cached_property
-    def _splines(self) -> tuple:
+    def _splines(self) -> tuple[Any, ...]:
         """Spline of each axis, None where all pixels are known, and coefficients of all axes.
 
         Coefficients are those of the whole image, so that its parts have the same bits.
@@ -278,7 +279,7 @@ _SAME_ANGLE = 1e-3  # of the antenna's width, by which it may have turned: 0.01 
 class _Geometry(NamedTuple):
     """What a scale was computed for; places are relative to the middle of the grid, metres."""
 
-    kind: tuple
+    kind: tuple[Any, ...]
     tx_m: np.ndarray
     rx_m: np.ndarray
     axes: np.ndarray

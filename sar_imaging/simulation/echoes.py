@@ -23,6 +23,9 @@ from ..signal.dechirp import check_fmcw
 from ..signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 from ..signal.waveforms import check_lfm, lfm_spectrum, n_pulse_samples
 
+#: Samples from delays, seconds, and amplitudes.
+Synthesis = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
 OVERSAMPLING = 8  # points of the grid of delays for each bin
 TERMS = 9  # of Taylor's series: (pi / 16)^9 / 9! = 1e-12 of a scatterer's amplitude
 
@@ -266,7 +269,8 @@ class EchoSimulator:
         return np.concatenate([self._samples(tx_m[p:p + 1], rx_m[p:p + 1])
                                for p in range(len(tx_m))])
 
-    def _samples(self, tx_m, rx_m, amplitudes: np.ndarray | None = None) -> np.ndarray:
+    def _samples(self, tx_m: np.ndarray, rx_m: np.ndarray,
+                 amplitudes: np.ndarray | None = None) -> np.ndarray:
         delays_s = two_way_delays(tx_m, rx_m, self._points_m,
                                   self.radar.propagation_speed_m_per_s)
         amplitudes = self._amplitudes if amplitudes is None else amplitudes
@@ -283,14 +287,14 @@ class EchoSimulator:
                 f'record holds {-self._early_samples} to {self.n_samples - 1}: change '
                 'first_sample_delay_s or record more samples')
 
-    def _spectrum(self, first_bin: float, n_bins: int, step_hz: float, delays_s,
-                  amplitudes) -> np.ndarray:
+    def _spectrum(self, first_bin: float, n_bins: int, step_hz: float,
+                  delays_s: np.ndarray, amplitudes: np.ndarray) -> np.ndarray:
         few = amplitudes.ndim > 1 or amplitudes.size < DENSE
         spectrum = scene_spectrum if few else dense_spectrum
         return spectrum(self.radar.carrier_hz, first_bin, n_bins, step_hz, delays_s,
                         amplitudes, self.radar.first_sample_delay_s)
 
-    def _plan_compressed(self) -> Callable:
+    def _plan_compressed(self) -> Synthesis:
         n, radar = self.n_samples, self.radar
         step = radar.sample_rate_hz / n
         half = math.floor(radar.bandwidth_hz / 2 / step * (1 + 1e-12))
@@ -300,13 +304,13 @@ class EchoSimulator:
                              f'hold {n_bins} bins of bandwidth_hz={radar.bandwidth_hz:.6g}; '
                              'sample faster')
 
-        def synthesise(delays_s, amplitudes):
+        def synthesise(delays_s: np.ndarray, amplitudes: np.ndarray) -> np.ndarray:
             spectrum = self._spectrum(-half, n_bins, step, delays_s, amplitudes)
             return _to_time(spectrum, half, n) * (n / n_bins)
 
         return synthesise
 
-    def _plan_lfm(self) -> Callable:
+    def _plan_lfm(self) -> Synthesis:
         radar = self.radar
         check_lfm(radar)
         # Room for a pulse at both ends keeps what is cut by the record from wrapping round.
@@ -317,16 +321,16 @@ class EchoSimulator:
         pulse = (lfm_spectrum(frequency, radar) * anti_alias_gain(frequency, radar)
                  * radar.sample_rate_hz)
 
-        def synthesise(delays_s, amplitudes):
+        def synthesise(delays_s: np.ndarray, amplitudes: np.ndarray) -> np.ndarray:
             spectrum = self._spectrum(-half, frequency.size, step, delays_s, amplitudes)
             return _to_time(spectrum * pulse, half, n_fft)[..., :self.n_samples]
 
         return synthesise
 
-    def _plan_stepped_frequency(self) -> Callable:
+    def _plan_stepped_frequency(self) -> Synthesis:
         n, radar = self.n_samples, self.radar
 
-        def synthesise(delays_s, amplitudes):
+        def synthesise(delays_s: np.ndarray, amplitudes: np.ndarray) -> np.ndarray:
             # The samples' phase is that of the delay beyond the reference, carrier included.
             cycles = radar.carrier_hz * radar.first_sample_delay_s % 1.0
             spectrum = self._spectrum(-(n - 1) / 2, n, radar.bandwidth_hz / n, delays_s,
@@ -335,14 +339,14 @@ class EchoSimulator:
 
         return synthesise
 
-    def _plan_fmcw(self) -> Callable:
+    def _plan_fmcw(self) -> Synthesis:
         n, radar = self.n_samples, self.radar
         check_fmcw(radar, n)
         slope = radar.chirp_rate_hz_per_s
         frequency = radar.carrier_hz + slope * (
             (np.arange(n) - (n - 1) / 2) / radar.sample_rate_hz)
 
-        def synthesise(delays_s, amplitudes):
+        def synthesise(delays_s: np.ndarray, amplitudes: np.ndarray) -> np.ndarray:
             late_s = delays_s - radar.first_sample_delay_s
             out = np.zeros((*delays_s.shape[:2], n), complex)
             for p in range(late_s.shape[-1]):
@@ -352,7 +356,7 @@ class EchoSimulator:
 
         return synthesise
 
-    def _plan_passband(self) -> Callable:
+    def _plan_passband(self) -> Synthesis:
         n, radar = self.n_samples, self.radar
         step = radar.sample_rate_hz / n
         half = radar.bandwidth_hz / 2
@@ -363,7 +367,7 @@ class EchoSimulator:
                              f'{radar.bandwidth_hz:.6g} Hz at {radar.carrier_hz:.6g} Hz; sample '
                              'at more than twice the upper edge')
 
-        def synthesise(delays_s, amplitudes):
+        def synthesise(delays_s: np.ndarray, amplitudes: np.ndarray) -> np.ndarray:
             # counted from zero frequency: the carrier is part of the bins
             spectrum = scene_spectrum(0.0, bins[0], bins.size, step, delays_s, amplitudes,
                                       radar.first_sample_delay_s)

@@ -8,6 +8,7 @@ import dataclasses
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..signal.radar import RadarParameters
 from .echoes import EchoSimulator
@@ -48,7 +49,7 @@ class Mover:
     velocity_m_per_s: tuple[float, float, float]
     amplitude: complex = 1.0 + 0.0j
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for field in ('position_m', 'velocity_m_per_s'):
             value = tuple(float(v) for v in getattr(self, field))
             if len(value) != 3 or not np.isfinite(value).all():
@@ -59,19 +60,20 @@ class Mover:
         if not np.isfinite(self.amplitude):
             raise ValueError(f'amplitude={self.amplitude} of mover {self.name!r} is not finite')
 
-    def positions(self, time_s) -> np.ndarray:
+    def positions(self, time_s: ArrayLike) -> np.ndarray:
         """``(..., 3)`` float64 places at times ``(...)`` in seconds, metres."""
         time_s = np.asarray(time_s, float)[..., None]
         return np.array(self.position_m) + time_s * np.array(self.velocity_m_per_s)
 
-    def radial_velocity_m_per_s(self, centre_m) -> float:
+    def radial_velocity_m_per_s(self, centre_m: ArrayLike) -> float:
         """Range rate at time zero seen from a place at rest, positive away from it, m/s."""
         sight = np.array(self.position_m) - np.asarray(centre_m, float)
         return float(sight @ np.array(self.velocity_m_per_s) / np.linalg.norm(sight))
 
 
 def mover_echoes(movers: Iterable[Mover], radar: RadarParameters, n_samples: int, *,
-                 compressed: bool, tx_m: np.ndarray, rx_m: np.ndarray, time_s) -> np.ndarray:
+                 compressed: bool, tx_m: np.ndarray, rx_m: np.ndarray,
+                 time_s: np.ndarray) -> np.ndarray:
     """Echoes of movers, which stand still while a pulse travels (stop and go).
 
     A mover at ``x_0 + v t`` has the same distances to the phase centres as a scatterer at rest at

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -40,7 +41,7 @@ class Scatterer:
     position_m: tuple[float, float, float]
     amplitude: complex = 1.0 + 0.0j
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, 'position_m', tuple(float(v) for v in self.position_m))
         object.__setattr__(self, 'amplitude', complex(self.amplitude))
         if len(self.position_m) != 3 or not np.isfinite(self.position_m).all():
@@ -78,7 +79,7 @@ class Clutter:
     positions_m: np.ndarray
     amplitudes: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.positions_m.shape != (self.amplitudes.size, 3):
             raise ValueError(f'positions_m.shape={self.positions_m.shape} does not fit '
                              f'{self.amplitudes.size} amplitudes; expected three numbers each')
@@ -91,13 +92,14 @@ class Clutter:
         return float(np.sqrt((np.abs(self.amplitudes) ** 2).sum()))
 
 
-def positions_and_amplitudes(scatterers) -> tuple[np.ndarray, np.ndarray]:
+def positions_and_amplitudes(scatterers: Iterable[Scatterer]
+                             ) -> tuple[np.ndarray, np.ndarray]:
     """``(S, 3)`` float64 positions in metres and ``(S,)`` complex128 amplitudes."""
     positions = np.array([s.position_m for s in scatterers], float).reshape(-1, 3)
     return positions, np.array([s.amplitude for s in scatterers], complex)
 
 
-def letter_s(centre_m, *, width_m: float = 5.0, height_m: float = 36.0,
+def letter_s(centre_m: Sequence[float], *, width_m: float = 5.0, height_m: float = 36.0,
              spacing_m: float = 0.5) -> list[Scatterer]:
     """Letter 'S' of unit scatterers: x is its width, y its height, in one horizontal plane.
 

@@ -101,7 +101,7 @@ class Survey:
     surface: str = 'plane'
     seed: int = 1
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('n_recordings', 'apertures', 'lines', 'passes', 'n_channels'):
             if getattr(self, name) < 1:
                 raise ValueError(f'{name}={getattr(self, name)}; expected at least 1')
@@ -193,7 +193,7 @@ class Survey:
             line, along = divmod(place, per_line)
             yield SurveyRecording(self, number, flown, line, along)
 
-    def ground(self, points_m) -> np.ndarray:
+    def ground(self, points_m: np.ndarray) -> np.ndarray:
         """(N, 3) points of the ground at (N, 2) x and y of the survey's frame, metres."""
         points = np.column_stack([points_m, np.zeros(len(points_m))])
         if self.surface == 'plane':
@@ -295,7 +295,7 @@ class SurveyRecording:
         rows = self.along * survey.apertures + np.arange(survey.apertures)
         return np.column_stack([np.full(len(rows), self.line), rows]) * survey.advance_m
 
-    def _scene(self, middle) -> tuple[list[Scatterer], Clutter]:
+    def _scene(self, middle: np.ndarray) -> tuple[list[Scatterer], Clutter]:
         """What lies in a square, in the recording's frame."""
         survey, half = self.survey, self.survey.size_m / 2
         reflectors, points, amplitudes = [], [], []
@@ -309,7 +309,7 @@ class SurveyRecording:
                 points.append(dim)
                 amplitudes.append(survey.clutter_amplitudes(r, c))
 
-        def inside(places):
+        def inside(places: np.ndarray) -> np.ndarray:
             return (np.abs(places[:, :2] - middle) < half).all(axis=1)
 
         seen = [Scatterer(name, tuple(self._own(place[None])[0])) for name, place in reflectors
@@ -318,11 +318,11 @@ class SurveyRecording:
         own = inside(points)
         return seen, Clutter(self._own(points[own]), amplitudes[own])
 
-    def _own(self, points_m) -> np.ndarray:
+    def _own(self, points_m: np.ndarray) -> np.ndarray:
         """Points of the survey's frame in that of the recording."""
         return self.datum.from_ecef(self.survey.datum.to_ecef(points_m))
 
-    def _scenario(self, middle, number: int) -> Scenario:
+    def _scenario(self, middle: np.ndarray, number: int) -> Scenario:
         survey, radar = self.survey, self.survey.radar
         scatterers, clutter = self._scene(middle)
         place = self._own(survey.ground(middle[None]))[0]

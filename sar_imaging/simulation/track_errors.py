@@ -135,7 +135,8 @@ def _radar(n_samples: int) -> RadarParameters:
     return RadarParameters(10e9, 300e6, rate, 2 * start / SPEED_OF_LIGHT)
 
 
-def _tracks(kind, size, rng, n_pulses) -> tuple[np.ndarray, np.ndarray]:
+def _tracks(kind: str, size: float, rng: np.random.Generator, n_pulses: int
+            ) -> tuple[np.ndarray, np.ndarray]:
     """Stated and true positions (P, 3)."""
     u = np.linspace(-1.0, 1.0, n_pulses)
     straight = np.stack([u * _APERTURE_M / 2, 0 * u, np.full(n_pulses, _HEIGHT_M)], axis=1)
@@ -145,7 +146,7 @@ def _tracks(kind, size, rng, n_pulses) -> tuple[np.ndarray, np.ndarray]:
         sway = [(rng.uniform(0.1, 0.5), rng.uniform(0.5, 1.5), rng.uniform(0, 2 * np.pi))
                 for _ in range(3)]  # metres, cycles per aperture, radians
 
-        def moving(u):
+        def moving(u: np.ndarray) -> np.ndarray:
             return np.stack([u * _APERTURE_M / 2 + 0.3 * sway[0][0] * np.sin(
                                  np.pi * sway[0][1] * u + sway[0][2]),
                              sway[1][0] * np.sin(np.pi * sway[1][1] * u + sway[1][2]),

@@ -81,7 +81,7 @@ class Trajectory:
     broadband_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     seed: int = 0
 
-    def positions(self, time_s) -> np.ndarray:
+    def positions(self, time_s: np.ndarray) -> np.ndarray:
         """Positions at the times of all pulses.
 
         Parameters
@@ -146,12 +146,12 @@ class RasterScan:
     n_per_row: int
     rate_hz: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.n_per_row < 1 or not self.rate_hz > 0:
             raise ValueError(f'n_per_row={self.n_per_row}, rate_hz={self.rate_hz}; expected at '
                              'least one place in a row and a positive rate')
 
-    def positions(self, time_s) -> np.ndarray:
+    def positions(self, time_s: np.ndarray) -> np.ndarray:
         """Positions at the times of all pulses.
 
         Parameters

@@ -7,9 +7,10 @@ A configuration makes one as well: a few scatterers as the configured radar rece
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...configuration.derived import derive
 from ...configuration.settings import Acquisition, Imaging, Machine
@@ -49,7 +50,7 @@ def second_pass() -> Scenario:
                  'the car has moved', BASELINE_M, 2)
 
 
-def _pass(name: str, description: str, baseline_m, seed: int) -> Scenario:
+def _pass(name: str, description: str, baseline_m: ArrayLike, seed: int) -> Scenario:
     radar = RadarParameters(carrier_hz=10e9, bandwidth_hz=300e6, sample_rate_hz=400e6,
                             first_sample_delay_s=2 * 952.0 / SPEED_OF_LIGHT)
     return Scenario(
@@ -64,7 +65,7 @@ def _pass(name: str, description: str, baseline_m, seed: int) -> Scenario:
         notes='Invented; looks along +x, flies along +y')
 
 
-def _scene(car_m) -> Clutter:
+def _scene(car_m: Sequence[float]) -> Clutter:
     """Ground with its terrace, the same in both passes, and the car."""
     along = np.arange(-_GROUND_M, _GROUND_M, _PITCH_M)
     x, y = (v.ravel() for v in np.meshgrid(along, along))
@@ -206,8 +207,8 @@ WAVELENGTH_M = SPEED_OF_LIGHT / 10e9
 SAMPLE_RATE_HZ = 400e6
 
 
-def _table_1(name: str, description: str, scatterers, *, grid: MapGrid, n_samples: int = 126,
-             raw: bool = False) -> Scenario:
+def _table_1(name: str, description: str, scatterers: Sequence[Scatterer], *, grid: MapGrid,
+             n_samples: int = 126, raw: bool = False) -> Scenario:
     pulse_length_s = 400 / SAMPLE_RATE_HZ if raw else 0.0
     bin_of_centre = n_samples // 2  # as in an FFT of the profile
     radar = RadarParameters(

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...geometry.grids import MapGrid
 from ...signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
@@ -121,11 +122,11 @@ def _ground_db(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.where(np.abs(from_road) < 3.5, -16.0, level)
 
 
-def _road_x(y):
+def _road_x(y: np.ndarray) -> np.ndarray:
     return 4.0 + 0.35 * y
 
 
-def _hedge_y(x):
+def _hedge_y(x: np.ndarray) -> np.ndarray:
     return 2.0 + 0.12 * x
 
 
@@ -197,7 +198,8 @@ def _lamp_posts() -> tuple[np.ndarray, np.ndarray]:
     return points, np.full(len(y), 17.0)
 
 
-def _place(x, y, z, level_db: float) -> tuple[np.ndarray, np.ndarray]:
+def _place(x: ArrayLike, y: ArrayLike, z: ArrayLike, level_db: float
+           ) -> tuple[np.ndarray, np.ndarray]:
     """All combinations of the coordinates, of one power."""
     points = np.stack([v.ravel() for v in np.meshgrid(x, y, z, indexing='ij')], axis=1)
     return points.astype(float), np.full(len(points), level_db)

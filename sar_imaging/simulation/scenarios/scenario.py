@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...geometry.antenna import Antenna, Mount
 from ...geometry.grids import MapGrid
@@ -192,7 +193,8 @@ class Scenario:
                              tx_m[counter], rx_m[counter],
                              pointing=pointing and pointing.select(counter))
 
-    def _illumination(self, tx_m, rx_m) -> tuple[Pointing | None, Illumination | None]:
+    def _illumination(self, tx_m: np.ndarray, rx_m: np.ndarray
+                      ) -> tuple[Pointing | None, Illumination | None]:
         """Where the antenna looks at each pulse, and the illumination of all echoes."""
         if self.antenna is None:
             return None, None
@@ -210,7 +212,7 @@ def _echoes(counter: np.ndarray, n_channels: int) -> np.ndarray:
     return (counter[:, None] * n_channels + np.arange(n_channels)).reshape(-1)
 
 
-def _on_grid(offsets_m) -> np.ndarray:
+def _on_grid(offsets_m: ArrayLike) -> np.ndarray:
     """Phase centres on the trajectory's grid of positions, so that sums with it are exact."""
     return np.round(np.array(offsets_m, float) / POSITION_STEP_M) * POSITION_STEP_M
 
