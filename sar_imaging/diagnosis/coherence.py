@@ -266,16 +266,15 @@ class _Rows:
         most = max(_GROUPS, _MOST_ROWS // len(channels))
         pulses = _along_the_way(block, most)
         if len(channels) == 1:  # of many, errors show only between groups of their own
-            pulses = pulses[np.argsort(_directions(block.select(pulses), towards_m),
-                                       kind='stable')]
+            sight = _directions(block.tx_m[pulses], block.rx_m[pulses], towards_m)
+            pulses = pulses[np.argsort(sight, kind='stable')]
         parts = min(len(pulses), max(_FEWEST_PARTS, _GROUPS // len(channels)))
         # One group is a channel's pulses in a part of the aperture.
         part = np.arange(len(pulses)) * parts // len(pulses)
         group = (np.arange(len(channels))[:, None] * parts + part).ravel()
 
         def rows(a):
-            picked = a[pulses][:, channels].swapaxes(0, 1)
-            return np.ascontiguousarray(picked).reshape(len(group), *a.shape[2:])
+            return a[pulses, channels[:, None]].reshape(len(group), *a.shape[2:])
 
         return cls(block.radar, rows(block.samples), rows(block.tx_m), rows(block.rx_m), group)
 
@@ -322,13 +321,13 @@ def _along_the_way(block: PulseBlock, most: int) -> np.ndarray:
     return np.unique(np.searchsorted(way, np.linspace(0, 1, min(n, most)))).clip(0, n - 1)
 
 
-def _directions(block: PulseBlock, towards_m) -> np.ndarray:
+def _directions(tx_m: np.ndarray, rx_m: np.ndarray, towards_m) -> np.ndarray:
     """(P,) directions along the map from which pulses see a place, on the axis they differ most.
 
     The rows of a raster see a map from above and below alike, and agree over all of it.
     """
     sight = sum((c - towards_m) / np.maximum(np.linalg.norm(c - towards_m, axis=-1)[..., None],
-                                             1e-9) for c in (block.tx_m, block.rx_m))
+                                             1e-9) for c in (tx_m, rx_m))
     level = sight[:, 0, :2] - sight[:, 0, :2].mean(axis=0)
     return level @ np.linalg.eigh(level.T @ level)[1][:, -1]
 
