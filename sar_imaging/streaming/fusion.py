@@ -85,6 +85,7 @@ class Fusing:
         self.kind, self.revision = kind_of(example), example.revision
         (fusion, self.grid, self.n_subapertures, self.n_window, self._length) = self.kind
         self.sliding = self.n_window < self.n_subapertures
+        self._weighted = _is_weighted(example)
         self.begins_stream = first  # there is no aperture before that it overlaps with
         self._backend = backend
         self.fusion = backend.SpectrumFusion(fusion, keep=self.sliding)
@@ -165,13 +166,25 @@ class Fusing:
             polar = to_host(polar)
             focused, told = focus(polar[0] + 1j * polar[1], self.fusion.grid, self._ends_m())
             polar = np.stack([focused.real, focused.imag])
-        powers = [h.power for h in headers]
-        error = np.average([h.error for h in headers], weights=powers if any(powers) else None)
+        error = self._error()
         image = self._backend.form_map(polar, self.fusion.grid, self.grid, centre_m)
         return FusedImage(to_host(image), self.grid, self.stamp_ns(final=final), self.aperture,
                           n_pulses, n_missing, len(self.headers), final,
                           None if math.isnan(error) else 10 * math.log10(error),
                           self.fusion.grid.carrier_hz, told)
+
+    def _error(self) -> float:
+        """Predicted mean squared error of the image, relative to its power.
+
+        The newest sub-aperture alone knows how this window is read. With an antenna's pattern its
+        error is relative to its own power, which may be little.
+        """
+        headers = self.headers.values()
+        powers = [h.power for h in headers]
+        error = np.average([h.error for h in headers], weights=powers if any(powers) else None)
+        if self.sliding and not self._weighted:
+            error = max(error, self.headers[max(self.headers)].error)
+        return float(error)
 
     def _ends_m(self) -> tuple[float, float]:
         """Ends of the aperture along its track, metres from the middle."""
@@ -203,9 +216,12 @@ def _power(sub: SubapertureImage) -> float:
 
     Antennas light one sub-aperture more than another; else each pulse has the same part.
     """
-    if sub.ends is None or not sub.ends.weighted:
-        return float(sub.n_pulses)
-    return float((abs(sub.image) ** 2).mean())
+    return float((abs(sub.image) ** 2).mean()) if _is_weighted(sub) else float(sub.n_pulses)
+
+
+def _is_weighted(sub: SubapertureImage) -> bool:
+    """Whether an antenna's pattern weighted its pulses."""
+    return sub.ends is not None and sub.ends.weighted
 
 
 def kind_of(sub: SubapertureImage) -> tuple[Any, ...]:
