@@ -10,6 +10,7 @@ the aperture. Tolerances of widths are 4 %: range and direction are not quite se
 from __future__ import annotations
 
 import dataclasses
+import functools
 import pickle
 
 import numpy as np
@@ -39,14 +40,20 @@ class Scene:
     track_m: np.ndarray
     grid: PlaneGrid | VolumeGrid
 
+    @functools.cached_property
+    def ranges_m(self) -> tuple[float, float]:
+        """From the track to the nearest and the farthest pixel."""
+        pixels = self.grid.points().reshape(-1, 3)
+        ranges = np.linalg.norm(pixels[:, None] - self.track_m[::7], axis=-1)
+        return ranges.min(), ranges.max()
+
     def block(self, points_m) -> PulseBlock:
         """Range profiles of reflectors of amplitude 1 at the points, (S, 3)."""
-        corners = self.grid.points().reshape(-1, 3)
-        ranges = np.linalg.norm(corners[:, None] - self.track_m[::7], axis=-1)
+        nearest, farthest = self.ranges_m
         rate = 1.5 * self.bandwidth_hz
         spacing = SPEED_OF_LIGHT / 2 / rate
-        start = ranges.min() - 40 * spacing
-        n = int((ranges.max() - start) / spacing) + 40
+        start = nearest - 40 * spacing
+        n = int((farthest - start) / spacing) + 40
         radar = RadarParameters(self.carrier_hz, self.bandwidth_hz, rate,
                                 2 * start / SPEED_OF_LIGHT)
         track = np.ascontiguousarray(self.track_m)[:, None]
