@@ -147,14 +147,15 @@ class Profiles:
         work = (memory('dense', (n_tasks, 2 * n_dense), np.float32),
                 memory('transform', (n_tasks, 2 * plan.work_samples if plan else 0), np.float32),
                 split)
-        weights, planes, jobs = resampling.interpolator.weights, self._of(len(rows)), job_counter()
+        planes, jobs = self._room(len(rows)), job_counter()
+        weights = resampling.interpolator.weights
         _make_planes(np.ascontiguousarray(rows).view(np.float32), (self._source.zero, self._gain),
                      work, plan.arguments if plan else (0,) * 10, self._cells,
                      self._neighbours(split), weights, (0,) * (len(weights) - 1), self._pad,
                      planes, jobs.ctypes.data)
         return planes
 
-    def _of(self, n_echoes: int) -> np.ndarray:
+    def _room(self, n_echoes: int) -> np.ndarray:
         """Memory of planes whose ends are zero."""
         shape = self.resampling.n_phases, self.resampling.interpolator.n_planes, self._count
         planes = self._buffer('planes', (n_echoes, *shape), np.float32)
