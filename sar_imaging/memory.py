@@ -60,7 +60,8 @@ def granting(n_bytes: float) -> Iterator[None]:
 def check_memory(n_bytes: int, what: str, remedy: str) -> None:
     """Check that something fits into memory.
 
-    Allocating more than there is often succeeds, and the program is killed later on.
+    Allocating more than there is often succeeds, and the program is killed later on. Up to 4 MiB
+    are checked only against what `granting` grants.
 
     Parameters
     ----------

@@ -156,7 +156,7 @@ class Profiles:
         return planes
 
     def _room(self, n_echoes: int) -> np.ndarray:
-        """Memory of planes whose ends are zero."""
+        """Memory of `planes`, (R, U, 2 * (degree + 1), n) float32, whose ends are zero."""
         shape = self.resampling.n_phases, self.resampling.interpolator.n_planes, self._count
         planes = self._buffer('planes', (n_echoes, *shape), np.float32)
         layout, (known, n_known) = (*shape, self._pad), self._buffer.layouts.get(
@@ -235,8 +235,9 @@ def _make_planes(rows, band, work, plan, cells, neighbours, weights, degrees, pa
 def _pad_band(spectrum, zero, gain, out):
     """A spectrum times the gain, with zeros between positive and negative frequencies or cropped.
 
-    Real and imaginary parts come in turn. Positive frequencies start at bin `zero` of the
-    spectrum, negative ones end before it. Written for the compiler, see `lines.project_lines`.
+    `spectrum` and `gain` are (2 K,), `out` is (2 K',) float32, as of `_make_planes`: real and
+    imaginary parts come in turn. Positive frequencies start at bin `zero` of the spectrum,
+    negative ones end before it. Written for the compiler, see `lines.project_lines`.
     """
     n, n_out = len(spectrum) // 2, len(out) // 2
     keep = min(n, n_out)
@@ -255,8 +256,9 @@ def _pad_band(spectrum, zero, gain, out):
 def _split_phases(dense, cells, n_phases, out):
     """Real, then imaginary parts of some cells of a profile, each phase by phase.
 
-    `cells` are those of the dense profile, which repeats; the first that is read; and, counted
-    from it, the first that there is and the end: others are 0.
+    `dense` is (2 K',), `out` (2 U L,) float32, as of `_make_planes`. `cells` are those of the
+    dense profile, which repeats; the first that is read; and, counted from it, the first that
+    there is and the end: others are 0.
     """
     n_cells, first, start, stop = cells
     length = len(out) // (2 * n_phases)
@@ -276,7 +278,10 @@ def _split_phases(dense, cells, n_phases, out):
 
 @kernel_part(distinct=True)
 def _separate(dense, n_phases, n, apart, out):
-    """Phases of n cells, `apart` from each other; the compiler has vectors for known steps."""
+    """Parts of n cells, from (real, imaginary) of phase after phase to rows `apart` floats apart.
+
+    The compiler has vectors for steps that it knows.
+    """
     if n_phases == 1:
         for i in range(n):
             for part in range(np.uint64(2)):
@@ -298,7 +303,10 @@ def _separate(dense, n_phases, n, apart, out):
 
 @kernel_part
 def _weigh_phases(split, neighbours, weights, degrees, pad, out):
-    """Phase by phase; the last vector begins earlier than where others end."""
+    """Coefficients of an echo from its split samples, arguments as of `_make_planes`.
+
+    Phase by phase; the last vector begins earlier than where others end.
+    """
     n_phases, n_planes, n = out.shape
     inside, imaginary = n - 2 * pad, 2 * len(split)
     for phase in range(n_phases):
