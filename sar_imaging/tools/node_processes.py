@@ -224,7 +224,7 @@ class NodeProcesses:
         self._namespace = ['-r', f'__ns:=/{namespace}'] if namespace else []
         written = self._folder / 'parameters.yaml'
         write_parameters(written, parameters)
-        self._files = [word for path in (written, *files)
+        self._files = [word for path in ((written,) if parameters else ()) + tuple(files)
                        for word in ('--params-file', str(path))]
         self._processes: dict[str, subprocess.Popen] = {}
         self._nodes = nodes

@@ -22,7 +22,6 @@ from sar_imaging.yaml_text import load_yaml
 
 from ..launching import configured_mode, find_config
 from ..node_processes import (
-    AFBP_NODES,
     MODES,
     node_names,
     parameters_from_truth,
@@ -30,8 +29,7 @@ from ..node_processes import (
 )
 
 # A replay may be faster than a busy machine takes poses and pulses; the one image counts.
-_PATIENT = {name: {'max_age_s': 3600.0} for name in AFBP_NODES}
-_PATIENT['pulse_buffer']['pose.wait_s'] = 60.0
+_PATIENCE = {'max_age_s': 3600.0, 'pose.wait_s': 60.0}
 
 
 class LaunchError(RuntimeError):
@@ -120,13 +118,27 @@ def plan_launch(arguments: argparse.Namespace, truth: Mapping | None) -> Launch:
         raise LaunchError(f'mode: {mode} publishes points of a volume, and evaluate measures '
                           f'images; give --mode {MODES[0]} to measure the lowest layer, or form '
                           'the volume by sar-imaging image --height')
-    parameters = dict(_PATIENT) if config else _parameters(truth, mode, arguments.output)
-    if arguments.pipeline:
+    parameters = {} if config else _parameters(truth, mode, arguments.output)
+    if arguments.pipeline and parameters:
         parameters = pipeline_parameters(parameters)
-    values = [*arguments.values, ('mode', mode)]
+    values = [*_patience(files).items(), *arguments.values, ('mode', mode)]
     return Launch(node_names(mode, pipeline=arguments.pipeline), parameters, files,
                   [word for name, value in values for word in ('-p', f'{name}:={value}')],
                   own=bool(files or arguments.values))
+
+
+def _patience(files: Sequence[Path]) -> dict[str, float]:
+    """Values that let a busy machine take its time; a file that asks for its own keeps it.
+
+    A copy of the file of all parameters has the defaults in it, and asks for nothing by them.
+    """
+    usual, patience = read_configuration(default_file()).nodes, dict(_PATIENCE)
+    for path in files:
+        for node, values in read_configuration(path).nodes.items():
+            for name in _PATIENCE.keys() & values.keys():
+                if values[name] != usual[node][name]:
+                    patience.pop(name, None)
+    return patience
 
 
 def _parameters(truth: Mapping, mode: str, folder: Path) -> dict[str, dict]:

@@ -33,6 +33,8 @@ GRID = ['-p', 'pulses_per_aperture:=200', '-p', 'grid.size_x:=6.0', '-p', 'grid.
                                                                  strict=True)
                                      for word in ('-p', f'grid.centre_{axis}:={value}'))]
 
+PATIENCE = ['-p', 'max_age_s:=3600.0', '-p', 'pose.wait_s:=60.0']
+
 
 def planned(*options, truth=TRUTH):
     arguments = parser().parse_args(['bag', '--output', 'out', '--launch-nodes', *options])
@@ -44,7 +46,8 @@ def test_grid_and_aperture_come_from_the_recording_unless_told():
     assert launch.parameters['backprojection']['pulses_per_aperture'] == 200
     assert (launch.files, launch.own, launch.nodes) == ((), False, NODES)
     launch = planned('-p', 'grid.spacing:=0.1')
-    assert launch.own and launch.arguments == ['-p', 'grid.spacing:=0.1', '-p', 'mode:=image']
+    assert launch.own and launch.arguments == [
+        *PATIENCE, '-p', 'grid.spacing:=0.1', '-p', 'mode:=image']
 
 
 def test_a_configuration_replaces_what_the_recording_proposes(tmp_path):
@@ -52,11 +55,17 @@ def test_a_configuration_replaces_what_the_recording_proposes(tmp_path):
     path.write_text('/**/backprojection:\n  ros__parameters: {target_db: -50.0}\n')
     launch = planned('--config', 'automotive_77ghz', '--params', str(path), truth=None)
     assert launch.files == (CAR, path) and launch.own
-    patient = {'max_age_s': 3600.0}  # the one image counts, however busy the machine
-    assert launch.parameters == dict.fromkeys(AFBP_NODES, patient) | {
-        'pulse_buffer': {'pose.wait_s': 60.0} | patient}
-    assert planned('--config', str(CAR), '--pipeline').parameters == {
-        'sar_pipeline': {'pose.wait_s': 60.0} | patient}
+    assert launch.parameters == planned('--config', str(CAR), '--pipeline').parameters == {}
+
+
+def test_a_busy_machine_has_time_unless_a_file_asks_for_its_own(tmp_path):
+    """A copy of the file of all parameters has the usual waits in it, which would count."""
+    path = tmp_path / 'late.yaml'
+    path.write_text('/**:\n  ros__parameters: {max_age_s: 0.5}\n')
+    for options in ([], ['--config', 'sar_imaging'], ['--params', str(default_file())]):
+        assert planned(*options).arguments[:4] == PATIENCE
+        assert planned(*options, '--params', str(path)).arguments[:2] == PATIENCE[2:]
+    assert planned('-p', 'max_age_s:=0.5').arguments[4:6] == ['-p', 'max_age_s:=0.5']  # the last
 
 
 @pytest.mark.parametrize(('options', 'mode', 'names'), [
