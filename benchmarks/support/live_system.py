@@ -19,6 +19,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image
 from std_msgs.msg import Float32MultiArray
 
+from sar_imaging.nodes.runtime.managed import keep_freed_memory
 from sar_imaging.simulation.scenarios.scenario import START_NS
 from sar_imaging.tools.node_processes import NO_LOG_FILES, NodeProcesses
 
@@ -99,6 +100,7 @@ class System:
         self._stack.enter_context(self.nodes)
         context = rclpy.Context()
         rclpy.init(args=list(NO_LOG_FILES), context=context)
+        keep_freed_memory()  # as a subscriber of large images does well to
         self._stack.callback(rclpy.try_shutdown, context=context)
         node = rclpy.create_node('live_benchmark', context=context)
         self._stack.callback(node.destroy_node)

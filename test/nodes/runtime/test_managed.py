@@ -2,6 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node in this process: what its transitions keep and forget."""
 
+import platform
+import resource
+import subprocess
+import sys
 import threading
 import time
 
@@ -254,3 +258,19 @@ def test_more_lines_than_anybody_reads_are_counted_instead(bench, capfd):
     lines = [line.split(']: ')[1] for line in capfd.readouterr().err.splitlines()]
     assert lines == [*(f'line {n}' for n in range(20)),
                      '5 more messages were not logged; see /diagnostics for the counts', 'and on']
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != 'glibc', reason='another C library frees otherwise')
+def test_large_messages_take_the_memory_of_those_before():
+    """Pages that the system has to find again cost more than copies."""
+    code = ('import resource\n'
+            'from sar_imaging.nodes.runtime.managed import keep_freed_memory\n'
+            'keep_freed_memory()\n'
+            'for _ in range(9):\n'
+            '    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt\n'
+            '    copies = [bytes([n]) * 2**23 for n in range(3)]\n'
+            '    del copies\n'
+            'print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)\n')
+    run = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    n_pages = 3 * 2**23 / resource.getpagesize()
+    assert int(run.stdout) < 0.1 * n_pages  # all of them, as the system gives them by default
