@@ -9,6 +9,7 @@ import numpy as np
 from ...geometry.illumination import Illumination
 from ...signal.radar import RadarParameters
 from .project_points import half_paths
+from .resample_profiles import power_series
 
 
 def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m,
@@ -50,11 +51,11 @@ def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m,
     20.00 of 4 pulses and 5 channels
     """
     first, step = cycles_per_m
-    frequency = first + step * np.arange(spectra.shape[-1])
     image = np.zeros(len(points_m), np.complex128)
     for echo, index in enumerate(np.ndindex(spectra.shape[:2])):
-        cycles = np.outer(2 * half_paths(tx_m[index], rx_m[index], points_m), frequency)
-        image += (np.exp(2j * np.pi * np.fmod(cycles, 1.0)) @ spectra[index]
+        path = 2 * half_paths(tx_m[index], rx_m[index], points_m)
+        image += (power_series(spectra[index], np.exp(2j * np.pi * np.fmod(step * path, 1.0)))
+                  * np.exp(2j * np.pi * np.fmod(first * path, 1.0))
                   * amplitude(illumination, echo, points_m))
     return image
 

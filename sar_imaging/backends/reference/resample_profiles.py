@@ -79,9 +79,34 @@ def resample_profiles(source: RangeGate | PhaseHistory, spectra, range_m) -> np.
     n = spectra.shape[-1]
     period_m = n * source.radar.sample_spacing_m
     place = (range_m - source.range_start_m) / period_m
-    phasor = np.exp(2j * np.pi * place)
-    values = np.zeros(phasor.shape, np.complex128)
-    for coefficient in spectra.T[::-1]:  # Horner's rule
-        values = values * phasor + coefficient.reshape(-1, *[1] * (values.ndim - 1))
-    values = values * np.exp(-2j * np.pi * np.fmod(n // 2 * place, 1.0))
+    values = power_series(spectra, np.exp(2j * np.pi * place).reshape(len(spectra), -1))
+    values = values.reshape(place.shape) * np.exp(-2j * np.pi * np.fmod(n // 2 * place, 1.0))
     return values if source.periodic else np.where((0 <= place) & (place <= 1), values, 0.0)
+
+
+def power_series(coefficients, z) -> np.ndarray:
+    """``sum_n c[n] z^n`` by Horner's rule, whose rounding errors stay below -250 dB.
+
+    Parameters
+    ----------
+    coefficients : (..., N) complex128
+        c of each series.
+    z : (..., K) complex128
+        Where each is summed; of magnitude 1.
+
+    Returns
+    -------
+    (..., K) complex128
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sar_imaging.backends.reference.resample_profiles import power_series
+    >>> power_series(np.array([1.0, 2.0, 3.0]), np.array([1j, -1.0])).tolist()
+    [(-2+2j), (2+0j)]
+    """
+    values = np.zeros(z.shape, np.complex128)
+    for n in range(coefficients.shape[-1] - 1, -1, -1):
+        values *= z
+        values += coefficients[..., n, None]
+    return values
