@@ -206,7 +206,7 @@ class CoherenceProbe:
                 / np.maximum(np.bincount(tile, minlength=n_tiles), 1))
         return self._of_tiles(np.argsort(-mean)[:max(1, n_points // _TILE**2)], columns)
 
-    def _of_tiles(self, tiles, columns: int) -> np.ndarray:
+    def _of_tiles(self, tiles: np.ndarray, columns: int) -> np.ndarray:
         grid = self.grid
         side = np.arange(_TILE)
         y = (tiles // columns * _TILE)[:, None, None] + side[:, None]
@@ -259,7 +259,7 @@ class _Rows:
     group: np.ndarray
 
     @classmethod
-    def of(cls, block: PulseBlock, towards_m) -> _Rows:
+    def of(cls, block: PulseBlock, towards_m: np.ndarray) -> _Rows:
         """Rows of a block; groups see a place (3,) from directions next to each other."""
         channels = np.unique(np.linspace(0, block.n_channels - 1,
                                          min(block.n_channels, _GROUPS // 4)).astype(int))
@@ -273,7 +273,7 @@ class _Rows:
         part = np.arange(len(pulses)) * parts // len(pulses)
         group = (np.arange(len(channels))[:, None] * parts + part).ravel()
 
-        def rows(a):
+        def rows(a: np.ndarray) -> np.ndarray:
             return a[pulses, channels[:, None]].reshape(len(group), *a.shape[2:])
 
         return cls(block.radar, rows(block.samples), rows(block.tx_m), rows(block.rx_m), group)
@@ -295,7 +295,7 @@ class _Rows:
         values = (1 - t) * self.samples[row, cell] + t * self.samples[row, cell + 1]
         return values * inside * np.exp(4j * np.pi / radar.wavelength_m * half_path), half_path
 
-    def sums(self, points):
+    def sums(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Coherent sum, power of the groups and share of rows at each point."""
         sums = np.zeros((5, len(points)), np.float32)
         covered = np.zeros(len(points), np.int32)
@@ -321,7 +321,7 @@ def _along_the_way(block: PulseBlock, most: int) -> np.ndarray:
     return np.unique(np.searchsorted(way, np.linspace(0, 1, min(n, most)))).clip(0, n - 1)
 
 
-def _directions(tx_m: np.ndarray, rx_m: np.ndarray, towards_m) -> np.ndarray:
+def _directions(tx_m: np.ndarray, rx_m: np.ndarray, towards_m: np.ndarray) -> np.ndarray:
     """(P,) directions along the map from which pulses see a place, on the axis they differ most.
 
     The rows of a raster see a map from above and below alike, and agree over all of it.
@@ -332,7 +332,7 @@ def _directions(tx_m: np.ndarray, rx_m: np.ndarray, towards_m) -> np.ndarray:
     return level @ np.linalg.eigh(level.T @ level)[1][:, -1]
 
 
-def _judge(total, power, covered) -> Coherence:
+def _judge(total: np.ndarray, power: np.ndarray, covered: np.ndarray) -> Coherence:
     coverage = float(covered.mean()) if len(covered) else 0.0
     known = (covered > 0.5) & (power > 0)
     if np.count_nonzero(known) < 16:

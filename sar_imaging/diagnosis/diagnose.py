@@ -519,7 +519,7 @@ class _Attempts:
             self.blind.append(_SLOPE)
             return
 
-        def mistake(factor):
+        def mistake(factor: float) -> Hypothesis:
             return wrong_slope(factor, block.radar)
 
         tried = self._search(block, factors, mistake,

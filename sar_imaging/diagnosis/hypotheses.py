@@ -15,6 +15,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 from scipy import fft
@@ -35,6 +36,7 @@ _SLOPES = np.linspace(0.7, 1.45, 41)
 _FEWEST_RATES, _MOST_RATES = 12, 60  # on each side
 _MOST_NAMED = 3  # mistakes that would bring a grid into profiles
 _MOST_ORDERED = 4  # transmitters, of which all orders are tried
+_Undo: TypeAlias = Callable[[PulseBlock], list[PulseBlock]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,19 +61,19 @@ class Hypothesis:
 
     name: str
     advice: str
-    undo: Callable[[PulseBlock], list[PulseBlock]]
+    undo: _Undo
     of_samples: bool = False
     isometry: bool = False
     sizes: tuple[float, ...] = ()
 
 
-def _moved(change: Callable[[np.ndarray], np.ndarray]):
+def _moved(change: Callable[[np.ndarray], np.ndarray]) -> _Undo:
     def undo(block: PulseBlock) -> list[PulseBlock]:
         return [dataclasses.replace(block, tx_m=change(block.tx_m), rx_m=change(block.rx_m))]
     return undo
 
 
-def _delayed(factor: float):
+def _delayed(factor: float) -> _Undo:
     def undo(block: PulseBlock) -> list[PulseBlock]:
         radar, out = block.radar, []
         for given_s in _given_delays_s(block):
@@ -93,7 +95,7 @@ def _given_delays_s(block: PulseBlock) -> list[float]:
     return [start, start + (block.n_samples // 2) / radar.sample_rate_hz]
 
 
-def _scaled(factor: float):
+def _scaled(factor: float) -> _Undo:
     def undo(block: PulseBlock) -> list[PulseBlock]:
         changed = dataclasses.replace(block, tx_m=factor * block.tx_m, rx_m=factor * block.rx_m)
         # From one place all pulses agree everywhere, which is not focus.
@@ -252,7 +254,7 @@ SAMPLES = (
 HYPOTHESES = (*SAMPLES, *GEOMETRY, ORDER)
 
 
-def clock_offsets(block: PulseBlock, towards_m, most_s: float, n_most: int, *,
+def clock_offsets(block: PulseBlock, towards_m: np.ndarray, most_s: float, n_most: int, *,
                   felt_rad: float = _FELT_RAD) -> np.ndarray:
     """Offsets of the clock worth trying: as close as focus asks for, as far as pulses tell.
 
@@ -294,7 +296,8 @@ def clock_offsets(block: PulseBlock, towards_m, most_s: float, n_most: int, *,
     return step * np.arange(-n, n + 1)
 
 
-def clock_rates(block: PulseBlock, towards_m, *, felt_rad: float = _FELT_RAD) -> np.ndarray:
+def clock_rates(block: PulseBlock, towards_m: np.ndarray, *,
+                felt_rad: float = _FELT_RAD) -> np.ndarray:
     """Rates of the clock worth trying, as close as focus asks for.
 
     Parameters
@@ -322,7 +325,7 @@ def clock_rates(block: PulseBlock, towards_m, *, felt_rad: float = _FELT_RAD) ->
     return 1 + _LARGEST_DRIFT / n * np.arange(-n, n + 1)
 
 
-def slopes(block: PulseBlock, towards_m) -> np.ndarray:
+def slopes(block: PulseBlock, towards_m: np.ndarray) -> np.ndarray:
     """Factors of the slope of a ramp worth trying.
 
     Another slope scales ranges. Of a short aperture the scaled scene is as much in focus.
@@ -346,7 +349,7 @@ def slopes(block: PulseBlock, towards_m) -> np.ndarray:
     return _SLOPES if left > 0.5 * _FELT_RAD else np.empty(0)
 
 
-def _left_rad(block: PulseBlock, moved: PulseBlock, towards_m) -> float:
+def _left_rad(block: PulseBlock, moved: PulseBlock, towards_m: np.ndarray) -> float:
     """Largest rms phase that other positions leave besides a line over the aperture, radians."""
     if moved.n_pulses < _FEWEST_PULSES // 2:
         return 0.0
@@ -355,7 +358,7 @@ def _left_rad(block: PulseBlock, moved: PulseBlock, towards_m) -> float:
                              - _half_paths(block.phase_centre_m[inside], towards_m))
 
 
-def _half_paths(centres_m: np.ndarray, towards_m) -> np.ndarray:
+def _half_paths(centres_m: np.ndarray, towards_m: np.ndarray) -> np.ndarray:
     """(P, K) distances of places (K, 3) from phase centres (P, 3), metres."""
     return np.linalg.norm(centres_m[:, None] - towards_m, axis=-1)
 
@@ -461,7 +464,7 @@ def _times(block: PulseBlock) -> np.ndarray:
     return (block.stamp_ns - block.stamp_ns[0]) * 1e-9
 
 
-def _at(time_s, values, wanted_s) -> np.ndarray:
+def _at(time_s: np.ndarray, values: np.ndarray, wanted_s: np.ndarray) -> np.ndarray:
     flat = values.reshape(len(values), -1)
     out = np.stack([np.interp(wanted_s, time_s, column) for column in flat.T], axis=-1)
     return out.reshape(len(wanted_s), *values.shape[1:])

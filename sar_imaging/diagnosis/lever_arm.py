@@ -169,7 +169,7 @@ def find_lever_arm(block: PulseBlock, attitude: Rotation, grid: MapGrid, *,
     # an arm may be all that makes an aperture
     grid = resolved(grid, _moved(block, 0.3 * _LONGEST_M * moves[:, :, 0]))
 
-    def spread(arm, pulses=slice(None)) -> float:
+    def spread(arm: np.ndarray, pulses: slice = slice(None)) -> float:
         return fine(_moved(profiles.select(pulses), moves[pulses] @ arm)).spread
 
     fine = CoherenceProbe(grid, FINE_BUDGET)

@@ -222,7 +222,8 @@ def _heard(change: np.ndarray, between_s: np.ndarray, jumps_s: np.ndarray) -> fl
     return float(change[near].max(axis=1).min())
 
 
-def _offset(change, between_s, jumps_s, interval_s) -> tuple[Hypothesis, float]:
+def _offset(change: np.ndarray, between_s: np.ndarray, jumps_s: np.ndarray, interval_s: float
+            ) -> tuple[Hypothesis, float]:
     """The offset of the clock with which the echoes jump with the positions, and how clearly."""
     n = int(_LARGEST_OFFSET * len(between_s))
     heard = [_heard(change, between_s, jumps_s - k * interval_s) for k in range(-n, n + 1)]
@@ -230,7 +231,8 @@ def _offset(change, between_s, jumps_s, interval_s) -> tuple[Hypothesis, float]:
     return clock_offset(float(np.mean(at)) * interval_s), float(np.max(heard))
 
 
-def _drift(change, between_s, jumps_s) -> tuple[Hypothesis, float]:
+def _drift(change: np.ndarray, between_s: np.ndarray, jumps_s: np.ndarray
+           ) -> tuple[Hypothesis, float]:
     """The same for a clock of another rate around the middle."""
     middle_s = 0.5 * (between_s[0] + between_s[-1])
     heard = [_heard(change, between_s, middle_s + (jumps_s - middle_s) / rate)
