@@ -5,7 +5,7 @@
 The power of n echoes at different places grows as n, that of n echoes at one place as n squared.
 Where a platform stops, or comes by again, what is read of those echoes decides the error of the
 image, be they few. What one place sees of a shallow scene may be faint by chance, too: then what
-is read of the others decides it.
+is read of the others decides it. The noise of all echoes is alike.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 _FAINT = 1.645  # standard deviations: one scene of twenty is fainter
 _MOST_EMPTY = 16  # cells to each echo's share
 _ALIKE = 0.8  # brightness of the faintest place over the others', above which nothing is faint
+_LONELY = 0.4  # share of an echo, half of it at the ends of tracks, below which noise tells more
 
 
 def echo_power(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndarray:
@@ -38,19 +39,22 @@ def echo_power(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndar
 
 
 def echo_powers(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndarray:
-    """(W, R) float64 shares as of `echo_power`, and where one place is faint: W is 1 or 2.
+    """(W, R) float64 shares as of `echo_power`, and in other scenes: W is 1 to 3.
 
     Speckle gives each of N resolved ranges an exponentially distributed power, and what a place
     sees of all of them one of gamma distribution, shape N. Where its share s of the power is
     small, there are others to make up for it: N / s counts. The second shares are those of a
     scene that is fainter than nineteen of twenty (Wilson and Hilferty 1931); they are left out
-    where they are hardly others, as for tracks without halts.
+    where they are hardly others, as for tracks without halts. The last are those of noise, where
+    the scene's are others.
     """
     count, alone, n_ranges = _echoes_alike(tx_m, rx_m, centre_m, sides_m, radar)
     share = count / alone * count / count.sum()  # echoes of a place, times the share of one
     shape = n_ranges / np.minimum(share, 1.0)
     faint = (1 - 1 / (9 * shape) - _FAINT / (3 * np.sqrt(shape))) ** 3
     powers = [count] if faint.min() > _ALIKE * faint.max() else [count, count * faint]
+    if count.min() < _LONELY * count.mean():
+        powers.append(np.ones(len(count)))
     return np.stack([power / power.mean() for power in powers])
 
 

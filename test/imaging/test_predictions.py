@@ -8,6 +8,7 @@ import logging
 import numpy as np
 import pytest
 
+from benchmarks.prediction_campaign import campaign_case
 from benchmarks.support.random_cases import TRACKS, random_case
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.correlation import correlate, correlate_profiles
@@ -125,6 +126,15 @@ def test_an_aperture_that_takes_far_longer_than_exact_backprojection_is_refused(
 
     with pytest.raises(ValueError, match='times as long as exact backprojection point by point'):
         _afbp(random_case(961003, wide))
+
+
+def test_noise_comes_from_all_echoes_alike():
+    """Stronger than an accelerating radar's echoes, of which most see the scene alike: 5.8 dB."""
+    case = campaign_case(2800130)
+    p = case.pulses
+    image = plan_image(case.grid, p.radar, p.n_samples, method='exact', target_db=-45.0,
+                       compressed=False)(p)
+    assert _error_db(case, image.samples) <= image.report.predicted_error_db + ALLOWED_DB
 
 
 def test_predictions_of_the_exact_imager_are_tight():

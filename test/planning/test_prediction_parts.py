@@ -52,18 +52,19 @@ def test_what_one_place_sees_may_be_faint():
     track = 1e3 * np.c_[-np.ones(300), 0.05 * np.append(u, np.ones(200)), np.zeros(300)]
     sides = [[30.0, 0, 0], [0, 40 * wavelength / 0.2, 0]]
     powers = echo_powers(track, track, (0.0, 0.0, 0.0), sides, radar)
-    assert powers.shape == (2, 300)
+    assert powers.shape == (3, 300)
+    assert (powers[2] == 1.0).all()  # of noise
     np.testing.assert_allclose(powers[0], echo_power(track, track, (0.0, 0.0, 0.0), sides, radar))
     # of those that stand to those that move
-    faint = np.divide(*(power[105:].mean() / power[:95].mean() for power in powers[::-1]))
+    faint = np.divide(*(power[105:].mean() / power[:95].mean() for power in powers[1::-1]))
     n_ranges = 30.0 / radar.range_resolution_m  # 4 that are resolved
     speckle = np.random.default_rng(1).gamma(n_ranges, 1 / n_ranges, 40_000)
     # most of the power is that of the halt: measured 0.053
     assert np.mean(speckle < faint) == pytest.approx(0.05, abs=0.02)
-    # a track without halts has one case only, and so has a halt before a deep scene
+    # a track without halts has one case only, a halt before a deep scene that of noise besides
     assert len(echo_powers(track[:100], track[:100], (0.0, 0.0, 0.0), sides, radar)) == 1
     sides[0][0] = 4000.0
-    assert len(echo_powers(track, track, (0.0, 0.0, 0.0), sides, radar)) == 1
+    assert len(echo_powers(track, track, (0.0, 0.0, 0.0), sides, radar)) == 2
 
 
 def test_error_at_a_frequency_is_that_of_a_tone():
