@@ -28,7 +28,8 @@ from sar_imaging.signal.waveforms import lfm_spectrum, n_pulse_samples
 
 from .compile_once import compile_once
 
-ROOT = Path(__file__).resolve().parents[1]
+TESTS = Path(__file__).resolve().parent
+ROOT = TESTS.parent
 
 # The first call of a test may compile a kernel or import half of rclpy: tests are not timed.
 settings.register_profile('untimed', deadline=None)
@@ -57,9 +58,26 @@ FIRST = ('backends/test_lit_kernels.py', 'backends/test_beams.py', 'archive/test
          'tools/evaluation/test_evaluate.py', 'tools/evaluation/test_evaluate_nodes.py')
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection(session):
+    """Let each process of xdist begin with another part of the files.
+
+    Pytest rewrites their asserts, for half of the time of a collection, and keeps what it wrote:
+    side by side each would rewrite all of them.
+    """
+    config, number = session.config, os.environ.get('PYTEST_XDIST_WORKER', 'gw0')
+    if config.args_source is pytest.Config.ArgsSource.TESTPATHS:
+        parts = sorted({TESTS / path.relative_to(TESTS).parts[0]
+                        for path in TESTS.rglob('test_*.py')})
+        files = np.cumsum([len(list(part.rglob('test_*.py'))) for part in parts])
+        share = int(number[2:]) / int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1'))
+        first = int(np.searchsorted(files, share * files[-1]))
+        config.args = list(map(str, parts[first:] + parts[:first]))
+
+
 def pytest_collection_modifyitems(items):
-    places = {Path(__file__).parent / name: place for place, name in enumerate(FIRST)}
-    items.sort(key=lambda item: places.get(item.path, len(FIRST)))
+    places = {TESTS / name: place for place, name in enumerate(FIRST)}
+    items.sort(key=lambda item: (places.get(item.path, len(FIRST)), item.path))
 
 
 def pytest_collection_finish():
