@@ -99,7 +99,7 @@ def preamble(subaperture: SubapertureImage) -> np.ndarray:
 
 
 def _write_ends(header: np.ndarray, ends: SubapertureEnds) -> None:
-    """Where the first and the last pulse were sent; zeros for directions that nobody tells."""
+    """Where the pulses at both ends were sent; zeros for directions that nobody tells."""
     header[ENDS_KNOWN], header[POINTING_KNOWN] = 1, bool(ends.up)
     header[WEIGHTED] = ends.weighted
     header[CHANNELS] = float_pairs.split_limbs(ends.n_channels, 2)

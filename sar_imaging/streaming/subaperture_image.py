@@ -25,7 +25,9 @@ COUNTS = ('session', 'sequence', 'revision', 'aperture', 'number', 'n_subapertur
 
 @dataclasses.dataclass(frozen=True)
 class SubapertureEnds:
-    """Where the first and the last pulse of a sub-aperture were sent, for calibrated brightness.
+    """Where the pulses at the two ends of a sub-aperture's track were sent.
+
+    They tell the band by which a window that slides is read, and how bright the sub-aperture is.
 
     Parameters
     ----------
@@ -55,8 +57,8 @@ class SubapertureEnds:
         for name in ('tx_m', 'rx_m', 'boresight', 'up'):
             values = np.asarray(getattr(self, name), np.float64)
             if values.shape != (2, 3) and not (values.size == 0 and name in ('boresight', 'up')):
-                raise ValueError(f'{name}.shape={values.shape}; expected (2, 3): of the first '
-                                 'pulse and of the last')
+                raise ValueError(f'{name}.shape={values.shape}; expected (2, 3): of the '
+                                 'pulses at both ends')
             if not np.isfinite(values).all():
                 raise ValueError(f'{name} of the ends of a sub-aperture must be finite')
             object.__setattr__(self, name, tuple(map(tuple, values.tolist())))
@@ -69,9 +71,12 @@ class SubapertureEnds:
             Pointing.of_unit_vectors(self.boresight, self.up)
 
     @classmethod
-    def of(cls, block: PulseBlock, *, weighted: bool) -> SubapertureEnds:
-        """Those of some pulses, in their order."""
-        ends, looks = [0, -1], block.pointing
+    def of(cls, block: PulseBlock, track: tuple[float, float], *, weighted: bool
+           ) -> SubapertureEnds:
+        """Those of some pulses, in their order, seen along a track: where one turns back, neither
+        the first pulse nor the last one is at its end."""
+        along = block.phase_centre_m[:, :2] @ track
+        ends, looks = sorted((int(along.argmin()), int(along.argmax()))), block.pointing
         return cls(block.tx_m[ends].mean(axis=1), block.rx_m[ends].mean(axis=1),
                    block.n_channels, () if looks is None else looks.boresight[ends],
                    () if looks is None else looks.up[ends], weighted)

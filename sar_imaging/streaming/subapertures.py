@@ -426,7 +426,8 @@ class LiveSubapertures(ApertureSequence):
             before + part.start // self._cut, sum(counts), counts[0],
             aperture.first + part.start, block.n_pulses, part.stop - part.start - block.n_pulses,
             len(target.apertures[0].seen), aperture.centre_ns(part), error_db,
-            SubapertureEnds.of(block, weighted=self._pattern is not None))
+            SubapertureEnds.of(block, plan.subapertures.polar.track,
+                               weighted=self._pattern is not None))
 
     def _count_parts(self, number: int) -> int:
         """Sub-apertures of an aperture."""

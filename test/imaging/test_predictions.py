@@ -306,6 +306,14 @@ def test_maps_seen_at_45_degrees_are_covered_along_the_axis_that_they_are_read_a
     _check_last_window(1010432, target_db=-42.7)  # measured: 3.9 dB below
 
 
+def test_a_window_is_read_by_the_ends_of_its_track():
+    """Of a track that turns back they are neither the first pulse nor the last: 22 dB above."""
+    case = campaign_case(2901040)
+    images, _, _ = _live(case, 56, 28, target_db=-62.7, sliding=True)
+    last = images[-1]  # measured: 4.0 dB below
+    assert _error_db(case, last.image, slice(28, 56)) <= last.predicted_error_db + 1.0
+
+
 def test_a_window_errs_as_its_newest_sub_aperture_tells():
     """It stood still and moves again; the window before was read 4 dB better, and counted."""
     case = random_case(1810176, family='far')
