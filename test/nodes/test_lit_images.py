@@ -26,8 +26,10 @@ def test_a_stripmap_through_the_nodes(make_chains, stripmap):
     """Sub-apertures in separate processes and exact images in one, of the same pulses."""
     scenario, blocks = stripmap
     truth, wanted_db = scenario_truth(scenario), (-50.0, -80.0)
+    # Each block of an exact image is planned by itself, for 0.1 s: the 1280 pulses come in eight.
     chains = make_chains(*(
         {'truth': truth, 'names': names, 'namespace': f'radar{number}', 'mode': mode,
+         'pulse_buffer': {'pulses_per_block': 32 if mode == 'subapertures' else 160},
          'backprojection': {'subapertures.target_db': wanted_db[0], 'target_db': wanted_db[1]}}
         for number, (names, mode) in enumerate(((AFBP_NODES, 'subapertures'),
                                                 (PIPELINE, 'image')))))
