@@ -73,8 +73,10 @@ class SubapertureEnds:
     @classmethod
     def of(cls, block: PulseBlock, track: tuple[float, float], *, weighted: bool
            ) -> SubapertureEnds:
-        """Those of some pulses, in their order, seen along a track: where one turns back, neither
-        the first pulse nor the last one is at its end."""
+        """Those of some pulses, in their order, seen along a track.
+
+        Where one turns back, neither the first pulse nor the last one is at its end.
+        """
         along = block.phase_centre_m[:, :2] @ track
         ends, looks = sorted((int(along.argmin()), int(along.argmax()))), block.pointing
         return cls(block.tx_m[ends].mean(axis=1), block.rx_m[ends].mean(axis=1),
