@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ...compilation import DETERMINISTIC, njit, numba
+from ...compilation import DETERMINISTIC, kernel_part, njit, numba
 from ...planning.exact.points import ImagePoints
 
 if TYPE_CHECKING:
@@ -335,29 +335,35 @@ def dark_cones(antennas, ends, echo, x, y, z):
 
 @njit(parallel=True, error_model='numpy')
 def _fill_tiles(echoes, ends, positions, wanted, illuminated, amplitude):
-    n_groups, n_places, n_nodes = positions.shape[1:]
+    for group in numba.prange(positions.shape[1]):
+        _fill_group(np.int64(group), echoes, ends, positions, wanted, illuminated, amplitude)
+
+
+@kernel_part(error_model='numpy')
+def _fill_group(group, echoes, ends, positions, wanted, illuminated, amplitude):
+    """One group of lines of `_fill_tiles`."""
+    n_places, n_nodes = positions.shape[2:]
     n_segments = n_places // 2
-    for group in numba.prange(n_groups):
-        for number in range(len(wanted)):
-            echo = wanted[number]
-            for start in range(0, n_segments, _BLOCK):
-                stop = min(start + _BLOCK, n_segments)
-                dark = 31
-                for p in range(2 * start, 2 * stop + 1, 2 * (stop - start)):
-                    for k in range(0, n_nodes, n_nodes - 1):
-                        dark &= dark_cones(echoes, ends, echo, positions[0, group, p, k],
-                                           positions[1, group, p, k], positions[2, group, p, k])
-                if dark != 0:
-                    continue
-                for p in range(2 * start, 2 * stop + 1):
+    for number in range(len(wanted)):
+        echo = wanted[number]
+        for start in range(0, n_segments, _BLOCK):
+            stop = min(start + _BLOCK, n_segments)
+            dark = 31
+            for p in range(2 * start, 2 * stop + 1, 2 * (stop - start)):
+                for k in range(0, n_nodes, n_nodes - 1):
+                    dark &= dark_cones(echoes, ends, echo, positions[0, group, p, k],
+                                       positions[1, group, p, k], positions[2, group, p, k])
+            if dark != 0:
+                continue
+            for p in range(2 * start, 2 * stop + 1):
+                for k in range(n_nodes):
+                    amplitude[number, group, p, k] = two_way_amplitude(
+                        echoes, echo, positions[0, group, p, k], positions[1, group, p, k],
+                        positions[2, group, p, k])
+            for segment in range(start, stop):
+                brightest = np.float32(0.0)
+                for p in range(2 * segment, 2 * segment + 3):
                     for k in range(n_nodes):
-                        amplitude[number, group, p, k] = two_way_amplitude(
-                            echoes, echo, positions[0, group, p, k], positions[1, group, p, k],
-                            positions[2, group, p, k])
-                for segment in range(start, stop):
-                    brightest = np.float32(0.0)
-                    for p in range(2 * segment, 2 * segment + 3):
-                        for k in range(n_nodes):
-                            brightest = max(brightest, amplitude[number, group, p, k])
-                    if brightest > 0.0:
-                        illuminated[number, group, segment] = 1
+                        brightest = max(brightest, amplitude[number, group, p, k])
+                if brightest > 0.0:
+                    illuminated[number, group, segment] = 1
