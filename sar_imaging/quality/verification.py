@@ -106,7 +106,8 @@ def measure_error(image: ArrayLike, where: Grid | ArrayLike,
     image : complex array
         ``(n_y, n_x)`` on a map, ``(n_alpha, n_range)`` on a polar grid, ``(...)`` at points.
     where : Grid or (..., 3) float64
-        Grid of the image, or the position of every pixel, metres.
+        Grid of the image, or the position of every pixel, metres. A position with a NaN is no
+        pixel, as of terrain whose height is not known: it counts as one that is not covered.
     blocks : PulseBlock or iterable of PulseBlock
         All pulses of the image with phase centres: range profiles as `RangeCompressor` puts them
         out, of any waveform, or raw pulses of a stepped-frequency radar. Correlation is a sum
@@ -155,8 +156,10 @@ def measure_error(image: ArrayLike, where: Grid | ArrayLike,
                                                 replace=False, shuffle=False)
     others = random[~np.isin(random, bright)]
     chosen = np.concatenate([bright, others])
-    reference, covered = _correlate(_positions(where, image.shape, chosen), blocks, progress,
-                                    illumination)
+    points = _positions(where, image.shape, chosen)
+    known = ~np.isnan(points).any(axis=1)
+    reference, covered = np.zeros(len(points), np.complex128), np.zeros(len(points), bool)
+    reference[known], covered[known] = _correlate(points[known], blocks, progress, illumination)
     if not covered.any():
         raise ValueError(f'none of {len(chosen)} pixels is covered by all profiles: their ranges '
                          'come close to the ends of profiles or leave them; compare an image of '

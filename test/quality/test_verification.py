@@ -106,6 +106,18 @@ def test_polar_grids_and_points(reference):
     assert results[0].error_db == pytest.approx(_error_db(image * noise, image), abs=1e-6)
 
 
+def test_pixels_without_a_position_are_left_out(reference):
+    """As of terrain whose height is not known; nothing was added there."""
+    points = reference.grid.points()
+    points[:20, :30] = np.nan
+    left = np.isfinite(points).all(axis=-1)
+    image = np.where(left, reference.image + reference.noise(-15, 1), 0.0)
+    result = measure_error(image, points, reference.block, n_pixels=image.size)
+    assert result.covered_share == pytest.approx(left.mean())
+    assert result.error_db == pytest.approx(_error_db(image[left], reference.image[left]),
+                                            abs=1e-6)
+
+
 @settings(max_examples=8, deadline=None)
 @given(gain=st.floats(0.1, 10), turn=st.floats(0, 6.28))
 def test_scale(reference, gain, turn):
