@@ -302,10 +302,10 @@ def plan_weighed_segments(illumination: Illumination, lines: ImageLines, echoes:
     while True:
         phasors = SegmentPhasors(pairs, lines, echoes, resampling)
         fitted = _fitted(resampling, phasors, pairs, echoes.radar)
-        amplitudes = _fewest_nodes(pairs, lines, phasors, resampling.segment, amplitudes_db)
-        if (fitted is not None and fitted.predicted_error_db <= profiles_db
-                and amplitudes.predicted_error_db <= amplitudes_db):
-            return fitted, amplitudes, pairs
+        if fitted is not None and fitted.predicted_error_db <= profiles_db:
+            amplitudes = _fewest_nodes(pairs, lines, phasors, resampling.segment, amplitudes_db)
+            if amplitudes is not None:
+                return fitted, amplitudes, pairs
         if resampling.segment <= _LEAST_SEGMENT:
             return None, None, pairs
         resampling = dataclasses.replace(resampling, segment=resampling.segment // 2)
@@ -324,13 +324,14 @@ def _fitted(resampling, phasors, pairs, radar) -> RangeResampling | None:
         pairs.error_db(read + phasors.squares)))
 
 
-def _fewest_nodes(pairs, lines, phasors, segment: int, wanted_db: float) -> LineAmplitudes:
-    """Lines between nodes that meet an error, or the best there are."""
+def _fewest_nodes(pairs, lines, phasors, segment: int, wanted_db: float) -> LineAmplitudes | None:
+    """Lines between nodes that meet an error; None where nodes on every line do not."""
     line, pixel = pairs.index
     half = max(segment // 2, 1)
     node = (pixel // segment * segment)[:, None] + half * np.arange(3)
     expansion = pairs.error(phasors.squares)
-    for apart in APART:
+    found = None
+    for apart in reversed(APART):  # of most segments that are too long, even the finest fail
         first = line // apart * apart
         last = np.minimum(first + apart, lines.n_lines - 1)
         ends = [pairs.amplitude_at(lines.positions(at[:, None], node)) for at in (first, last)]
@@ -338,8 +339,12 @@ def _fewest_nodes(pairs, lines, phasors, segment: int, wanted_db: float) -> Line
         values = ends[0] + across * (ends[1] - ends[0])
         error = pairs.error(phasors.illuminated_squares(values)) - expansion
         error_db = 10 * math.log10(max(error, 0.0) + 10 ** (LEAST_DB / 10))
-        if error_db <= wanted_db:
+        if error_db > wanted_db:
             break
+        found = apart, error_db
+    if found is None:
+        return None
+    apart, error_db = found
     return LineAmplitudes(apart, _share_of_tiles(pairs, lines, segment), error_db)
 
 
