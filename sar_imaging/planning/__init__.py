@@ -25,6 +25,6 @@ Names that mean the same in all modules, here and in the backends, are described
 - `window`, `source`: part of the profiles that is needed, or the phase histories in their place;
   `resampling`: how it is resampled;
 - `weight`: (R,) float64 share of each echo in the power of the image, see `echo_power`, or (W, R)
-  for the worst of W scenes and noise;
+  for the worst of W scenes, of which one may be noise;
 - `wavelength_m`: at the carrier, metres; `warnings`: what makes the image worse than wanted.
 """

@@ -73,9 +73,9 @@ class SubapertureEnds:
     @classmethod
     def of(cls, block: PulseBlock, track: tuple[float, float], *, weighted: bool
            ) -> SubapertureEnds:
-        """Those of some pulses, in their order, seen along a track.
+        """Those of some pulses, in their order, along `track`, the (2,) direction of x and y.
 
-        Where one turns back, neither the first pulse nor the last one is at its end.
+        Where a track turns back, neither the first pulse nor the last one is at its end.
         """
         along = block.phase_centre_m[:, :2] @ track
         ends, looks = sorted((int(along.argmin()), int(along.argmax()))), block.pointing

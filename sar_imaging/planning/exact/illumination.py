@@ -325,7 +325,10 @@ def _fitted(resampling, phasors, pairs, radar) -> RangeResampling | None:
 
 
 def _fewest_nodes(pairs, lines, phasors, segment: int, wanted_db: float) -> LineAmplitudes | None:
-    """Lines between nodes that meet an error; None where nodes on every line do not."""
+    """Most lines between nodes that meet an error; None where nodes on every line do not.
+
+    Errors, dB, grow with the distance of the nodes, so the closest are tried first.
+    """
     line, pixel = pairs.index
     half = max(segment // 2, 1)
     node = (pixel // segment * segment)[:, None] + half * np.arange(3)
