@@ -10,6 +10,7 @@ as 16-bit limbs, each a whole number that a float32 holds exactly.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .errors import WireFormatError
 
@@ -18,7 +19,7 @@ NANOSECONDS_PER_SECOND = 1e9
 MAX_OFFSET_NS = 1 << 48  # 78 hours: up to here `join_nanoseconds` returns every nanosecond
 
 
-def split_double(values) -> np.ndarray:
+def split_double(values: ArrayLike) -> np.ndarray:
     """Split doubles into pairs of floats whose sum keeps 48 significant bits.
 
     The relative error is at most ``2**-48`` for magnitudes above ``1e-30``. Splitting a joined

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 import sys
+from typing import Literal
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import MapMetaData, OccupancyGrid
+from numpy.typing import DTypeLike
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
@@ -341,7 +343,7 @@ def map_metadata_from_message(msg: MapMetaData) -> MapGrid:
                               ) from error
 
 
-def _to_message(image: np.ndarray, dtype, encoding: str, header: Header) -> Image:
+def _to_message(image: np.ndarray, dtype: DTypeLike, encoding: str, header: Header) -> Image:
     image = np.ascontiguousarray(image, dtype)
     if image.ndim != 2 or image.size == 0:
         raise ValueError(f'image.shape={image.shape}; expected (n_y, n_x) with at least one pixel')
@@ -352,7 +354,7 @@ def _to_message(image: np.ndarray, dtype, encoding: str, header: Header) -> Imag
     return msg
 
 
-def _from_message(msg: Image, dtype, encoding: str) -> np.ndarray:
+def _from_message(msg: Image, dtype: DTypeLike, encoding: str) -> np.ndarray:
     dtype = np.dtype(dtype)
     if msg.encoding != encoding:
         raise WireFormatError(f'encoding={msg.encoding[:32]!r}; expected {encoding!r}; subscribe '
@@ -366,7 +368,7 @@ def _from_message(msg: Image, dtype, encoding: str) -> np.ndarray:
     if len(msg.data) != msg.height * msg.step:
         raise WireFormatError(f'len(data)={len(msg.data)}; expected {msg.height * msg.step}: '
                               f'{msg.height} rows of {msg.step} bytes')
-    order = '>' if msg.is_bigendian else '<'
+    order: Literal['>', '<'] = '>' if msg.is_bigendian else '<'
     image = np.frombuffer(msg.data, dtype.newbyteorder(order)).reshape(msg.height, msg.width)
     image = image.astype(dtype, copy=False)
     image.flags.writeable = False

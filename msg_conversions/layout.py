@@ -7,7 +7,9 @@ from __future__ import annotations
 import dataclasses
 import math
 import reprlib
+from array import array
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from .errors import WireFormatError
 
 DEFAULT_MAX_ELEMENTS = 2**26  # floats of content: 256 MiB
 Dims = Sequence[tuple[str, int, int]]
+Data: TypeAlias = 'array[float] | np.ndarray'  # of a message
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,7 +117,7 @@ class Layout:
         return f'{", ".join(self.labels[:-1])} and {self.labels[-1]}'
 
 
-def as_floats(data) -> np.ndarray:
+def as_floats(data: Data) -> np.ndarray:
     """Data of a message as a read-only array of floats that shares its memory.
 
     Raises
@@ -123,7 +126,7 @@ def as_floats(data) -> np.ndarray:
         The object has no contiguous buffer of native 32-bit floats.
     """
     try:
-        view = memoryview(data)
+        view = memoryview(data)  # type: ignore[arg-type]  # arrays: NumPy says so from 3.12 on
     except TypeError:
         raise WireFormatError(f'data is a {type(data).__name__}; expected contiguous 32-bit '
                               "floats: an array.array('f') or a float32 array") from None

@@ -76,6 +76,7 @@ def to_message(points: np.ndarray, header: Header, fields: tuple[str, ...] = FIE
             table[name] = column
     for number, name in enumerate(further):
         table[name] = np.asarray(geographic, float).reshape(len(points), 3)[:, number]
+    assert table.dtype.fields is not None  # it has names
     message = PointCloud2(
         header=header, height=1, width=len(points), is_bigendian=sys.byteorder == 'big',
         point_step=table.itemsize, row_step=table.nbytes,

@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from numpy.typing import ArrayLike
 from std_msgs.msg import Float32MultiArray
 
 from sar_imaging.geometry.illumination import Pointing
@@ -14,6 +15,7 @@ from sar_imaging.signal.pulses import PulseBlock
 from sar_imaging.signal.radar import RadarParameters
 
 from . import float_pairs, multi_array, wire
+from .layout import DEFAULT_MAX_ELEMENTS
 
 
 def to_message(block: PulseBlock) -> Float32MultiArray:
@@ -47,7 +49,7 @@ def to_message(block: PulseBlock) -> Float32MultiArray:
                                   wire.dimensions(block.samples.shape, block.frame))
 
 
-def from_message(msg: Float32MultiArray, *, max_elements: int = wire.DEFAULT_MAX_ELEMENTS,
+def from_message(msg: Float32MultiArray, *, max_elements: int = DEFAULT_MAX_ELEMENTS,
                  finite: bool = True) -> PulseBlock:
     """Read a pulse block from a message.
 
@@ -94,9 +96,8 @@ def as_received(block: PulseBlock) -> PulseBlock:
     Whoever hands blocks over directly rounds them likewise, and gets the same image to the last
     bit.
     """
-    def rounded(values):
-        return None if values is None else float_pairs.join_double(
-            float_pairs.split_double(values))
+    def rounded(values: ArrayLike) -> np.ndarray:
+        return float_pairs.join_double(float_pairs.split_double(values))
 
     numbers = {f.name: getattr(block.radar, f.name) for f in dataclasses.fields(block.radar)
                if f.name != 'waveform'}
@@ -105,13 +106,14 @@ def as_received(block: PulseBlock) -> PulseBlock:
         rounded(block.pointing.boresight), rounded(block.pointing.up))
     return dataclasses.replace(
         block, radar=dataclasses.replace(block.radar, **dict(zip(numbers, values, strict=True))),
-        tx_m=rounded(block.tx_m), rx_m=rounded(block.rx_m), pointing=looks)
+        tx_m=None if block.tx_m is None else rounded(block.tx_m),
+        rx_m=None if block.rx_m is None else rounded(block.rx_m), pointing=looks)
 
 
 def from_bare_cube(msg: Float32MultiArray, *, radar: RadarParameters, compressed: bool,
                    stamp_ns: np.ndarray, counter: np.ndarray, tx_m: np.ndarray | None = None,
                    rx_m: np.ndarray | None = None,
-                   max_elements: int = wire.DEFAULT_MAX_ELEMENTS) -> PulseBlock:
+                   max_elements: int = DEFAULT_MAX_ELEMENTS) -> PulseBlock:
     """Read pulses from a message that holds nothing but samples (``data_offset`` is 0).
 
     Everything that the message does not carry comes from the caller: a bare cube cannot say

@@ -71,7 +71,7 @@ def quicklook(amplitude: np.ndarray, dynamic_range_db: float, anchor: str = PEAK
     return np.rint(levels, out=levels).astype(np.uint8)
 
 
-def _median_db(amplitude: np.ndarray, peak) -> float:
+def _median_db(amplitude: np.ndarray, peak: np.floating) -> float:
     """Median of the amplitudes that are not zero over the largest one, dB, no less than -250."""
     some = amplitude.ravel()[::-(-amplitude.size // _MOST_FOR_MEDIAN)]
     if not (some > 0).any():

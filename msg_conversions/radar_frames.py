@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
 
 from sar_imaging.recordings.frames import FrameError, RawFrame
 
@@ -32,7 +34,7 @@ class FrameType:
         Keys of ``samples`` in descriptions that say what its messages do not.
     """
 
-    decode: Callable[[object, Mapping[str, int], Sequence[str] | None], RawFrame]
+    decode: Callable[[Any, Mapping[str, int], Sequence[str] | None], RawFrame]
     fields: tuple[str, ...]
     reliable: bool = True
     takes: tuple[str, ...] = ()
@@ -43,7 +45,7 @@ def short_name(message_type: str) -> str:
     return message_type.rpartition('/')[2]
 
 
-def read_frame(message, message_type: str, sizes: Mapping[str, int] | None = None,
+def read_frame(message: Any, message_type: str, sizes: Mapping[str, int] | None = None,
                axes: Sequence[str] | None = None) -> RawFrame:
     """Frame of a message.
 
@@ -79,7 +81,7 @@ def read_frame(message, message_type: str, sizes: Mapping[str, int] | None = Non
     return kind.decode(message, sizes or {}, axes)
 
 
-def read_info(message, message_type: str) -> dict[str, float]:
+def read_info(message: Any, message_type: str) -> dict[str, float | str]:
     """Numbers of a message that describes the radar, by their keys in descriptions.
 
     Raises
@@ -96,11 +98,12 @@ def read_info(message, message_type: str) -> dict[str, float]:
         raise FrameError(f'{message_type}: {error}') from error
 
 
-def _nanoseconds(stamp) -> int:
+def _nanoseconds(stamp: Any) -> int:
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
-def _shaped(data, shape: tuple[int, ...], what: str, dtype=np.int16) -> np.ndarray:
+def _shaped(data: ArrayLike, shape: tuple[int, ...], what: str, dtype: DTypeLike = np.int16
+            ) -> np.ndarray:
     numbers = np.asarray(data, dtype)
     if min(shape) < 1 or numbers.size != np.prod(shape, dtype=np.int64):
         raise FrameError(f'{what} holds {numbers.size} numbers; expected '
@@ -108,7 +111,7 @@ def _shaped(data, shape: tuple[int, ...], what: str, dtype=np.int16) -> np.ndarr
     return numbers.reshape(shape)
 
 
-def _labelled(layout, labels: tuple[str, ...]) -> list[int]:
+def _labelled(layout: Any, labels: tuple[str, ...]) -> list[int]:
     found = {dim.label: int(dim.size) for dim in layout.dim}
     lacking = [label for label in labels if label not in found]
     if lacking:
@@ -117,7 +120,7 @@ def _labelled(layout, labels: tuple[str, ...]) -> list[int]:
     return [list(found).index(label) for label in labels]
 
 
-def _iq(message, *_) -> RawFrame:
+def _iq(message: Any, *_: object) -> RawFrame:
     """RadarML/xwr_ros: chirp, tx, rx, sample; the last axis counts I0 I1 Q0 Q1."""
     layout = message.iq.layout
     order = _labelled(layout, ('chirp', 'tx', 'rx', 'sample'))
@@ -129,7 +132,7 @@ def _iq(message, *_) -> RawFrame:
                     n_transmitters=n_tx)
 
 
-def _adc_data_cube(message, *_) -> RawFrame:
+def _adc_data_cube(message: Any, *_: object) -> RawFrame:
     """CPSL_TI_Radar_ROS2: real and imaginary parts of rx_channel, sample, chirp; receipt time."""
     shape = tuple(int(dim.size) for dim in message.layout.dim)
     order = ((2, 0, 1) if len(shape) == 3 and not any(dim.label for dim in message.layout.dim)
@@ -140,7 +143,7 @@ def _adc_data_cube(message, *_) -> RawFrame:
                     'receipt')
 
 
-def _radar_frame_full(message, *_) -> RawFrame:
+def _radar_frame_full(message: Any, *_: object) -> RawFrame:
     """xwr_raw_ros: shape chirps, rx, samples; Q0 Q1 I0 I1; its driver leaves the stamp empty.
 
     Chirp time (idle and ramp) in microseconds, frame time in milliseconds, slope in Hz/s, sample
@@ -163,7 +166,7 @@ def _radar_frame_full(message, *_) -> RawFrame:
                     n_transmitters=sum(on > 0 for on in message.tx) or None)
 
 
-def _phase_bias(message) -> np.ndarray | None:
+def _phase_bias(message: Any) -> np.ndarray | None:
     parts = np.asarray(message.rx_phase_bias, float)
     tx, rx = (np.asarray(list(a), int) > 0 for a in (message.tx, message.rx))
     if parts.size != 2 * tx.size * rx.size:
@@ -174,7 +177,7 @@ def _phase_bias(message) -> np.ndarray | None:
     return (parts[0::2] + 1j * parts[1::2]).reshape(tx.size, rx.size)[tx][:, rx].reshape(-1)
 
 
-def _bgt60(message, _, axes: Sequence[str] | None) -> RawFrame:
+def _bgt60(message: Any, _: object, axes: Sequence[str] | None) -> RawFrame:
     """bgt60tr13c_ros2: real numbers of rx, sample, chirp as its message says; time of receipt.
 
     Its driver hands on what the maker's library returns, whose order may be another: then the
@@ -191,7 +194,7 @@ def _bgt60(message, _, axes: Sequence[str] | None) -> RawFrame:
     return RawFrame(numbers, 'real', _nanoseconds(message.stamp), 'receipt')
 
 
-def _scans(message, sizes: Mapping[str, int], _) -> RawFrame:
+def _scans(message: Any, sizes: Mapping[str, int], _: object) -> RawFrame:
     """Time Domain P440: one scan of real numbers a message, or one of each channel; no time."""
     data = np.asarray(message.data, np.float32)[message.layout.data_offset:]
     n_channels, n = sizes.get('channel', 1), sizes.get('sample')
@@ -200,7 +203,7 @@ def _scans(message, sizes: Mapping[str, int], _) -> RawFrame:
     return RawFrame(_shaped(data, (1, n_channels, n), 'data', np.float32), 'real', 0, 'receipt')
 
 
-def _chirp_info(message) -> dict[str, float]:
+def _chirp_info(message: Any) -> dict[str, float | str]:
     """GHz, MHz/us, kHz and us, in float32: digits beyond the seventh are not told."""
     us = {name: 1e-6 * _told(getattr(message, name)) for name in (
         'idle_time', 'adc_start_time', 'ramp_end_time')}
@@ -211,12 +214,12 @@ def _chirp_info(message) -> dict[str, float]:
             'chirp_s': us['idle_time'] + us['ramp_end_time']}
 
 
-def _told(value) -> float:
+def _told(value: float) -> float:
     """Decimal that a float32 was given as."""
     return float(str(np.float32(value)))
 
 
-def _device_config(message) -> dict[str, float]:
+def _device_config(message: Any) -> dict[str, float | str]:
     n, rate_hz = int(message.num_samples_per_chirp), float(message.sample_rate_hz)
     swept_hz = float(message.end_frequency_hz) - float(message.start_frequency_hz)
     return {'waveform': 'fmcw_real', 'start_frequency_hz': float(message.start_frequency_hz),

@@ -23,7 +23,7 @@ from sar_imaging.streaming.subaperture_image import (
 
 from . import float_pairs
 from .errors import WireFormatError
-from .layout import DEFAULT_MAX_ELEMENTS, Dims, Layout, as_floats, check_finite, check_magic
+from .layout import DEFAULT_MAX_ELEMENTS, Data, Dims, Layout, as_floats, check_finite, check_magic
 
 MAGIC = 0x534149  # 'SAI' in ASCII, exact in a float32
 VERSION = 7
@@ -114,8 +114,8 @@ def _read_ends(header: np.ndarray) -> SubapertureEnds | None:
         return None
     numbers = float_pairs.join_double(header[ENDS].reshape(-1, 2)).reshape(4, 2, 3)
     low, high = header[CHANNELS].astype(np.int64)
-    looks = (numbers[2], numbers[3]) if header[POINTING_KNOWN] else ((), ())
-    return SubapertureEnds(numbers[0], numbers[1], int(low | high << 16), *looks,
+    boresight, up = (numbers[2], numbers[3]) if header[POINTING_KNOWN] else ((), ())
+    return SubapertureEnds(numbers[0], numbers[1], int(low | high << 16), boresight, up,
                            weighted=bool(header[WEIGHTED]))
 
 
@@ -133,7 +133,7 @@ def as_received(subaperture: SubapertureImage) -> SubapertureImage:
     return _read(preamble(subaperture), subaperture.image)
 
 
-def from_array(data, dims: Dims, data_offset: int, *,
+def from_array(data: Data, dims: Dims, data_offset: int, *,
                max_elements: int = DEFAULT_MAX_ELEMENTS) -> SubapertureImage:
     """Read a sub-aperture image from the array of a message.
 

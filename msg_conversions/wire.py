@@ -17,7 +17,7 @@ from sar_imaging.signal.radar import SPEED_OF_LIGHT, RadarParameters, Waveform
 
 from . import float_pairs
 from .errors import WireFormatError
-from .layout import DEFAULT_MAX_ELEMENTS, Dims, Layout, as_floats, check_finite, check_magic
+from .layout import DEFAULT_MAX_ELEMENTS, Data, Dims, Layout, as_floats, check_finite, check_magic
 
 MAGIC = 0x534152  # 'SAR' in ASCII, exact in a float32
 VERSION = 1
@@ -49,13 +49,13 @@ SAMPLES_ADVICE = 'drop faulty pulses in the sender'
 
 
 def row_length(n_channels: int, has_positions: bool, has_pointing: bool = False) -> int:
-    """Floats in one row of the per-pulse table."""
+    """Data in one row of the per-pulse table."""
     return (PHASE_CENTRES + FLOATS_PER_CHANNEL * n_channels * has_positions
             + FLOATS_OF_POINTING * has_pointing)
 
 
 def _header_length(radar: RadarParameters) -> int:
-    """Floats in the header; earlier readers refuse the longer one, which they would misread."""
+    """Data in the header; earlier readers refuse the longer one, which they would misread."""
     speed = float_pairs.join_double(float_pairs.split_double(radar.propagation_speed_m_per_s))
     return HEADER_LENGTH if speed == SPEED_OF_LIGHT else LONGER_HEADER
 
@@ -70,9 +70,9 @@ def dimensions(shape: tuple[int, int, int], frame: str = '') -> list[tuple[str, 
     WireFormatError
         The name of the frame is too long.
     """
-    (label, *sizes), *others = LAYOUT.dimensions(shape)
+    (label, size, stride), *others = LAYOUT.dimensions(shape)
     _check_frame(frame)
-    return [(f'{label}{FRAME_MARK}{frame}' if frame else label, *sizes), *others]
+    return [(f'{label}{FRAME_MARK}{frame}' if frame else label, size, stride), *others]
 
 
 def _check_frame(frame: str) -> None:
@@ -91,10 +91,10 @@ def split_frame(dims: Dims) -> tuple[Dims, str]:
     """
     if not dims or FRAME_MARK not in dims[0][0]:
         return dims, ''
-    (label, *sizes), *others = dims
+    (label, size, stride), *others = dims
     label, _, frame = label.partition(FRAME_MARK)
     _check_frame(frame)
-    return [(label, *sizes), *others], frame
+    return [(label, size, stride), *others], frame
 
 
 # ------------------------------------------------------------------------------------- writing
@@ -163,7 +163,7 @@ def _write_table(block: PulseBlock, table: np.ndarray) -> None:
     table[:, COUNTER.start] = block.counter & (float_pairs.LIMB - 1)
     table[:, COUNTER.start + 1] = block.counter >> 16
     table[:, TIME] = float_pairs.split_nanoseconds(block.stamp_ns - epoch)
-    if block.has_positions:
+    if block.tx_m is not None and block.rx_m is not None:
         centres = np.stack([block.tx_m, block.rx_m], axis=2)
         table[:, PHASE_CENTRES:PHASE_CENTRES + FLOATS_PER_CHANNEL * block.n_channels] = (
             float_pairs.split_double(centres).reshape(block.n_pulses, -1))
@@ -175,7 +175,7 @@ def _write_table(block: PulseBlock, table: np.ndarray) -> None:
 
 # ------------------------------------------------------------------------------------- reading
 
-def from_array(data, dims: Dims, data_offset: int, *,
+def from_array(data: Data, dims: Dims, data_offset: int, *,
                max_elements: int = DEFAULT_MAX_ELEMENTS, finite: bool = True) -> PulseBlock:
     """Read a block from the array of a message.
 
@@ -238,7 +238,7 @@ def from_array(data, dims: Dims, data_offset: int, *,
                               ) from error
 
 
-def samples_from_bare_cube(data, dims: Dims, data_offset: int, *,
+def samples_from_bare_cube(data: Data, dims: Dims, data_offset: int, *,
                            max_elements: int = DEFAULT_MAX_ELEMENTS) -> np.ndarray:
     """Read the samples of a message without block header (``data_offset`` is 0).
 
@@ -258,7 +258,7 @@ def samples_from_bare_cube(data, dims: Dims, data_offset: int, *,
     return LAYOUT.read_content(values, shape, 0, SAMPLES_ADVICE)
 
 
-def _check_header(header: np.ndarray, shape: tuple[int, int, int], data_offset: int) -> None:
+def _check_header(header: np.ndarray, shape: tuple[int, ...], data_offset: int) -> None:
     values = header.tolist()
     check_magic(values, MAGIC, VERSION, 'pulse blocks')
     check_finite(header, 'block header', 'correct the radar parameters of the sender')
@@ -322,7 +322,8 @@ def _read_counters(table: np.ndarray) -> np.ndarray:
     return low | high << 16
 
 
-def _read_positions(table: np.ndarray, n_channels: int, header) -> dict[str, np.ndarray]:
+def _read_positions(table: np.ndarray, n_channels: int, header: np.ndarray
+                    ) -> dict[str, np.ndarray]:
     if not header[POSITIONS]:
         return {}
     pairs = table[:, PHASE_CENTRES:PHASE_CENTRES + FLOATS_PER_CHANNEL * n_channels]
@@ -331,7 +332,7 @@ def _read_positions(table: np.ndarray, n_channels: int, header) -> dict[str, np.
             'rx_m': np.ascontiguousarray(centres[:, :, 1])}
 
 
-def _read_pointing(table: np.ndarray, header) -> Pointing | None:
+def _read_pointing(table: np.ndarray, header: np.ndarray) -> Pointing | None:
     if not header[POINTING]:
         return None
     looks = float_pairs.join_double(table[:, -FLOATS_OF_POINTING:].reshape(-1, 2, 3, 2))
