@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 from ..geometry.antenna import (
     MEASURED,
@@ -33,7 +34,7 @@ _USED = {TRACK: ('antenna.side', 'antenna.squint', 'antenna.depression'),
 _WITHOUT_ATTITUDE = {BLOCK: 'pulses have positions only', 'fix': 'fixes have no attitude'}
 
 
-def antenna_of(parameters: Mapping[str, object]) -> Antenna | None:
+def antenna_of(parameters: Mapping[str, Any]) -> Antenna | None:
     """Antenna that parameters of backprojection describe; None where all pixels are lit alike.
 
     Raises
@@ -59,7 +60,7 @@ def antenna_of(parameters: Mapping[str, object]) -> Antenna | None:
         raise ValueError(f'antenna.pattern={kind}: {error}') from error
 
 
-def mount_of(parameters: Mapping[str, object]) -> Mount | None:
+def mount_of(parameters: Mapping[str, Any]) -> Mount | None:
     """Mount that parameters of pulse_buffer describe; None where pulses tell the pointing.
 
     Raises
@@ -86,7 +87,7 @@ def mount_of(parameters: Mapping[str, object]) -> Mount | None:
 
 
 def antenna_parameters(antenna: Antenna | None, mount: Mount | None,
-                       pattern_file: str = '') -> tuple[dict, dict]:
+                       pattern_file: str = '') -> tuple[dict[str, Any], dict[str, Any]]:
     """Parameters of pulse_buffer and of backprojection for an antenna and its mount.
 
     Parameters
@@ -98,7 +99,8 @@ def antenna_parameters(antenna: Antenna | None, mount: Mount | None,
     pattern_file : str
         Where the table of a measured antenna is, for backprojection to read.
     """
-    buffer, imager = {}, {}
+    buffer: dict[str, Any] = {}
+    imager: dict[str, Any] = {}
     if mount is not None:
         names = _USED.get(mount.kind, ('antenna.boresight', 'antenna.up'))
         values = {name: getattr(mount, _FIELDS[name]) for name in names}
@@ -114,7 +116,7 @@ def antenna_parameters(antenna: Antenna | None, mount: Mount | None,
     return buffer, imager
 
 
-def check_antenna(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:
+def check_antenna(nodes: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
     """What is wrong with the antenna of a configuration.
 
     Parameters

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class Finding:
     from_track: bool = False
 
 
-def refusal(check: Callable[..., object], *arguments) -> list[Finding]:
+def refusal(check: Callable[..., object], *arguments: object) -> list[Finding]:
     """What a check has against its arguments: its ValueError as the only error, or nothing."""
     try:
         check(*arguments)
@@ -153,7 +153,7 @@ def check_settings(imaging: Imaging, machine: Machine) -> list[Finding]:
     return findings
 
 
-def _check_profiles(d: Derived):
+def _check_profiles(d: Derived) -> Iterator[Finding]:
     radar = d.profile_radar
     if radar.sample_rate_hz < LEAST_OVERSAMPLING * radar.bandwidth_hz:
         yield Finding('error', 'range profiles are sampled at '
@@ -162,7 +162,7 @@ def _check_profiles(d: Derived):
                       '(2.0 is the default)')
 
 
-def _check_window(d: Derived):
+def _check_window(d: Derived) -> Iterator[Finding]:
     near, far = d.scene.near_m, d.scene.far_m
     start, stop = d.window_m
     extents = (f'the scene lies {near:.4g} to {far:.4g} m away, the profiles cover {start:.4g} '
@@ -181,7 +181,7 @@ def _check_window(d: Derived):
                       'the same bandwidth or a smaller grid', from_track=True)
 
 
-def _check_pulse_rate(a: Acquisition, d: Derived):
+def _check_pulse_rate(a: Acquisition, d: Derived) -> Iterator[Finding]:
     if not a.compressed and a.prf_hz > d.largest_prf_hz * _ROUNDING:
         yield Finding('error', f'prf_hz={a.prf_hz:g}: a recording of {a.n_samples} samples takes '
                       f'longer than the {1e6 / a.prf_hz:.4g} us between pulses; at most '
@@ -206,7 +206,7 @@ def _check_pulse_rate(a: Acquisition, d: Derived):
                       'or the range window')
 
 
-def _check_direction(a: Acquisition, d: Derived):
+def _check_direction(a: Acquisition, d: Derived) -> Iterator[Finding]:
     if d.needed_direction > d.unambiguous_direction * _ROUNDING:
         what = 'the illuminated scene' if a.beamwidth_rad else 'the scene'
         # Without a beamwidth most of a wide grid may be dark.
@@ -230,7 +230,7 @@ def _check_direction(a: Acquisition, d: Derived):
                       'image beside the track', from_track=True)
 
 
-def _check_pixels(imaging: Imaging, d: Derived):
+def _check_pixels(imaging: Imaging, d: Derived) -> Iterator[Finding]:
     spacing = imaging.grid.spacing_m
     for name, null in (('range', d.range_null_m), ('azimuth', d.azimuth_null_m)):
         if spacing >= 2 * null:
@@ -248,7 +248,7 @@ def _check_pixels(imaging: Imaging, d: Derived):
                           from_track=True)
 
 
-def _check_strip(a: Acquisition, imaging: Imaging, d: Derived):
+def _check_strip(a: Acquisition, imaging: Imaging, d: Derived) -> Iterator[Finding]:
     if not (imaging.subaperture_follow and imaging.mode == 'subapertures'):
         return
     grid = imaging.grid
@@ -263,7 +263,7 @@ def _check_strip(a: Acquisition, imaging: Imaging, d: Derived):
                           f'pulses_per_aperture={imaging.pulses_per_aperture}', from_track=True)
 
 
-def _check_blocks(a: Acquisition, imaging: Imaging, d: Derived):
+def _check_blocks(a: Acquisition, imaging: Imaging, d: Derived) -> Iterator[Finding]:
     largest = max(d.block_bytes, d.profile_block_bytes)
     if largest / 4 > imaging.max_message_elements:
         yield Finding('error', f'a block of {imaging.pulses_per_block} pulses has '
@@ -278,7 +278,7 @@ def _check_blocks(a: Acquisition, imaging: Imaging, d: Derived):
                       'are best)')
 
 
-def _check_load(imaging: Imaging, machine: Machine, d: Derived):
+def _check_load(imaging: Imaging, machine: Machine, d: Derived) -> Iterator[Finding]:
     if imaging.mode != 'subapertures' and d.imaging_s > d.aperture_s:
         yield Finding('warning', f'an image takes about {d.imaging_s:.3g} s of work, the next '
                       f'aperture comes after {d.aperture_s:.3g} s: blocks will be dropped when '

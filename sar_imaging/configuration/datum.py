@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 from ..geometry.earth import Datum
 from .constraints import Finding, refusal
@@ -17,7 +18,7 @@ _ARMS = ('antenna.tx', 'antenna.rx', 'gnss.antenna')
 _ARM_FRAMES = ('antenna.tx_frames', 'antenna.rx_frames')
 
 
-def configured_datum(values: Mapping[str, object]) -> Datum | None:
+def configured_datum(values: Mapping[str, Any]) -> Datum | None:
     """Datum that the parameters common to all nodes give.
 
     Parameters
@@ -51,7 +52,7 @@ def configured_datum(values: Mapping[str, object]) -> Datum | None:
     return None
 
 
-def check_fixes(values: Mapping[str, object]) -> None:
+def check_fixes(values: Mapping[str, Any]) -> None:
     """Refuse uses of fixes that contradict each other, of the node that finds positions.
 
     Parameters
@@ -94,9 +95,9 @@ def check_fixes(values: Mapping[str, object]) -> None:
                              'the lever arms to 0.0')
 
 
-def check_datum(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:
+def check_datum(nodes: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
     """What is wrong with the datum of a configuration; see `parameters.Configuration`."""
-    told: dict[tuple, list[str]] = {}
+    told: dict[tuple[Any, ...], list[str]] = {}
     for name, values in nodes.items():
         if 'datum.source' not in values:
             continue
@@ -112,14 +113,14 @@ def check_datum(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:
     yield from refusal(check_fixes, nodes['pulse_buffer'])
 
 
-def datum_rows(values: Mapping) -> list[tuple[str, str, str]]:
+def datum_rows(values: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Where the frame stands, in words: name, value, explanation; none without a datum."""
     source, frame = values['datum.source'], values['frame_id']
     if source == NONE:
         return []
-    if source == PARAMETERS:
-        return [('datum', describe_datum(configured_datum(values)), f'origin of frame {frame}, '
-                 'and bearing of its y axis clockwise from north')]
+    if source == PARAMETERS and (datum := configured_datum(values)) is not None:
+        return [('datum', describe_datum(datum), f'origin of frame {frame}, and bearing of its y '
+                 'axis clockwise from north')]
     heading = (f'the heading from places {values[_BASELINE]:g} m apart' if values[_BASELINE] else
                f'heading {values["datum.heading_deg"]:g} degrees')
     return [('datum', 'fix', f'the first good fix tells the origin of frame {frame}; {heading}')]

@@ -15,6 +15,7 @@ import math
 
 import numpy as np
 
+from ..geometry.grids import MapGrid
 from ..memory import IMAGE_BYTES
 from ..signal.radar import RadarParameters, Waveform
 from ..signal.range_compression import GUARD_SAMPLES, RangeCompressor
@@ -75,7 +76,7 @@ def node_memory(imaging: Imaging, n_pixels: int, *, block_bytes: int, profile_bl
     """
     q = imaging.queue_depth
 
-    def waiting(n_bytes):
+    def waiting(n_bytes: int) -> int:
         """Most blocks in front of the worker."""
         return min(imaging.worker_queue_size,
                    max(1, int(1e6 * imaging.worker_queue_megabytes / n_bytes)))
@@ -84,7 +85,7 @@ def node_memory(imaging: Imaging, n_pixels: int, *, block_bytes: int, profile_bl
     image = n_pixels * IMAGE_BYTES
     calibrated = 0 if imaging.radiometry_quantity == 'none' else CALIBRATED_IMAGES
     w, w_profiles = waiting(block_bytes), waiting(profile_block_bytes)
-    sizes = {
+    sizes: dict[str, tuple[float, str]] = {
         'pulse_buffer': ((q + w + q) * block_bytes
                          + imaging.reorder_window_pulses * pulse_bytes,
                          f'({q} + {w} + {q}) blocks + reorder window'),
@@ -209,7 +210,7 @@ def see_scene(acquisition: Acquisition, imaging: Imaging) -> SceneExtent:
         squint_sine=squint, both_sides=bool(beside.min() < 0 < beside.max()))
 
 
-def _straight_ahead(grid, centre, along) -> np.ndarray:
+def _straight_ahead(grid: MapGrid, centre: np.ndarray, along: np.ndarray) -> np.ndarray:
     """(0 or 1, 3) pixel that the line of flight points at: the extreme direction inside a grid."""
     height = grid.z_m - centre[2]
     if abs(along[2]) * 1e9 <= abs(height) or height == 0:
@@ -219,7 +220,7 @@ def _straight_ahead(grid, centre, along) -> np.ndarray:
                       np.clip(y, grid.y_m[-1], grid.y_m[0]), grid.z_m]])
 
 
-def _boundary(grid) -> np.ndarray:
+def _boundary(grid: MapGrid) -> np.ndarray:
     """(4 (n - 1) + 1, 3) points around the grid, from corner to corner; the first comes twice."""
     x = [grid.x_m[0], grid.x_m[-1], grid.x_m[-1], grid.x_m[0], grid.x_m[0]]
     y = [grid.y_m[0], grid.y_m[0], grid.y_m[-1], grid.y_m[-1], grid.y_m[0]]
@@ -477,11 +478,12 @@ def _seen_angle(scene: SceneExtent, length_m: float) -> float:
     return 2 * math.atan(length_m * scene.squint_sine / (2 * max(scene.range_m, 1e-9)))
 
 
-def _window(acquisition: Acquisition, radar: RadarParameters, n_profile: int):
+def _window(acquisition: Acquisition, radar: RadarParameters, n_profile: int
+            ) -> tuple[float, float]:
     """Ranges between which the profiles hold whole responses, once."""
     guard = GUARD_SAMPLES if is_phase_history(acquisition) else 0
-    return tuple(radar.range_start_m + n * radar.sample_spacing_m
-                 for n in (guard, n_profile - 1 - guard))
+    return (radar.range_start_m + guard * radar.sample_spacing_m,
+            radar.range_start_m + (n_profile - 1 - guard) * radar.sample_spacing_m)
 
 
 def _unambiguous_depth(acquisition: Acquisition) -> float:

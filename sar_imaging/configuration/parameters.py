@@ -14,6 +14,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any, TypeAlias
 
 from ..files import naming
 from ..geometry.grids import MapGrid
@@ -52,6 +53,10 @@ _FIELDS = {f.name: re.sub(f'^({"|".join(_SECTIONS)})', lambda m: _SECTIONS[m[0]]
            for f in dataclasses.fields(Imaging) if f.name != 'grid'}
 
 
+# Name of a node, its line, and its parameters: value and line
+_Section: TypeAlias = 'tuple[str, int | None, dict[str, tuple[object, int | None]]]'
+
+
 class ConfigurationFileError(ValueError):
     """A parameter file cannot be read; the text says where and why."""
 
@@ -70,8 +75,8 @@ class Configuration:
         Names and values that no node would take.
     """
 
-    nodes: dict[str, dict]
-    checker: dict
+    nodes: dict[str, dict[str, Any]]
+    checker: dict[str, Any]
     findings: tuple[Finding, ...]
 
     @property
@@ -202,8 +207,8 @@ def read_configuration(path: Path | str, given: Mapping[str, object] = MappingPr
         return interpret(tree, load_tree(default_file()), given)
 
 
-def interpret(tree, defaults, given: Mapping[str, object] = MappingProxyType({})
-              ) -> Configuration:
+def interpret(tree: object, defaults: object,
+              given: Mapping[str, object] = MappingProxyType({})) -> Configuration:
     """What a parsed parameter file says.
 
     Parameters
@@ -218,7 +223,7 @@ def interpret(tree, defaults, given: Mapping[str, object] = MappingProxyType({})
     ConfigurationFileError
         The tree is no ROS parameter file.
     """
-    known: dict[str, dict] = {}
+    known: dict[str, dict[str, Any]] = {}
     for node, _, values in _sections(defaults):
         known.setdefault(node, {}).update({name: value for name, (value, _) in values.items()})
     common = known.pop(COMMON, {}) | known.pop(PIPELINE, {})
@@ -246,13 +251,13 @@ def _at(line: int | None) -> str:
     return '' if line is None else f'line {line}: '
 
 
-def _common_of(node: str, common: Mapping[str, object]) -> dict:
+def _common_of(node: str, common: Mapping[str, object]) -> dict[str, object]:
     """Those of the common parameters that a node has."""
     names = _FEW_COMMON.get(node, common)
     return {name: value for name, value in common.items() if name in names}
 
 
-def imaging_from_parameters(values: Mapping) -> Imaging:
+def imaging_from_parameters(values: Mapping[str, Any]) -> Imaging:
     """Settings from parameters of the nodes.
 
     Parameters
@@ -272,7 +277,7 @@ def imaging_from_parameters(values: Mapping) -> Imaging:
     return Imaging(grid=grid, **{name: values[parameter] for name, parameter in fields.items()})
 
 
-def _acquisition(v: Mapping) -> Acquisition:
+def _acquisition(v: Mapping[str, Any]) -> Acquisition:
     name = v['radar.waveform']
     if name.upper() not in Waveform.__members__:
         kinds = ', '.join(w.name.lower() for w in Waveform)
@@ -298,7 +303,7 @@ def _acquisition(v: Mapping) -> Acquisition:
         beamwidth_rad=math.radians(v['radar.beamwidth_deg']))
 
 
-def load_tree(path: Path | str):
+def load_tree(path: Path | str) -> object:
     """Content of a YAML file.
 
     Raises
@@ -312,7 +317,7 @@ def load_tree(path: Path | str):
         raise ConfigurationFileError(f'{error}') from error
 
 
-def _sections(tree) -> Iterator[tuple[str, int | None, dict[str, tuple[object, int | None]]]]:
+def _sections(tree: object) -> Iterator[_Section]:
     """Name of the node, ``**`` for all, and its line; value and line of its parameters."""
     if not isinstance(tree, dict) or not tree:
         raise ConfigurationFileError('a parameter file has sections such as '
@@ -321,7 +326,7 @@ def _sections(tree) -> Iterator[tuple[str, int | None, dict[str, tuple[object, i
         yield from _section(str(key), value, line_of(tree, key))
 
 
-def _section(name: str, value, line: int | None):
+def _section(name: str, value: object, line: int | None) -> Iterator[_Section]:
     if not isinstance(value, dict) or not value:
         raise ConfigurationFileError(f'section {name!r} has no ros__parameters: below it')
     for key, content in value.items():
@@ -333,7 +338,8 @@ def _section(name: str, value, line: int | None):
             yield from _section(f'{name}/{str(key).strip("/")}', content, line_of(value, key))
 
 
-def _flatten(tree: Mapping, prefix: str = '') -> Iterator[tuple[str, tuple[object, int | None]]]:
+def _flatten(tree: Mapping[str, object], prefix: str = ''
+             ) -> Iterator[tuple[str, tuple[object, int | None]]]:
     for key, value in tree.items():
         if isinstance(value, dict):
             yield from _flatten(value, f'{prefix}{key}.')
@@ -341,7 +347,7 @@ def _flatten(tree: Mapping, prefix: str = '') -> Iterator[tuple[str, tuple[objec
             yield f'{prefix}{key}', (value, line_of(tree, key))
 
 
-def as_kind(value: object, kind: type):
+def as_kind(value: Any, kind: type) -> Any:
     """Value of a parameter of a type, for which whole numbers are numbers; None if it is none."""
     if kind is float and type(value) is int:
         value = float(value)
@@ -351,7 +357,8 @@ def as_kind(value: object, kind: type):
     return value if fits else None
 
 
-def _set(targets: Mapping[str, dict], place: str, name: str, value) -> Iterator[Finding]:
+def _set(targets: Mapping[str, dict[str, Any]], place: str, name: str, value: object
+         ) -> Iterator[Finding]:
     """Set a parameter of the nodes that have it; says why it cannot be set."""
     if name in OF_EVERY_NODE or name.startswith('qos_overrides.'):
         return

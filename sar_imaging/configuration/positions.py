@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 from .antenna import check_antenna
 from .constraints import Finding, refusal
@@ -17,7 +18,7 @@ _BUFFER = 'pulse_buffer'
 _ARMS = ('antenna.tx', 'antenna.rx')
 
 
-def check_positions(nodes: Mapping[str, Mapping],
+def check_positions(nodes: Mapping[str, Mapping[str, Any]],
                     acquisition: Acquisition | None) -> list[Finding]:
     """What is wrong with frames, lever arms, the antenna and calibrated brightness.
 
@@ -43,7 +44,7 @@ def check_positions(nodes: Mapping[str, Mapping],
     return found
 
 
-def position_rows(nodes: Mapping[str, Mapping],
+def position_rows(nodes: Mapping[str, Mapping[str, Any]],
                   acquisition: Acquisition) -> list[tuple[str, str, str]]:
     """Where positions come from, in words: name, value, explanation."""
     buffer, imager = nodes[_BUFFER], nodes['backprojection']
@@ -61,7 +62,7 @@ def position_rows(nodes: Mapping[str, Mapping],
              'autofocus.time_offset estimates it'), *datum]
 
 
-def _check_frames(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:
+def _check_frames(nodes: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
     frames: dict[str, list[str]] = {}
     for name, values in nodes.items():
         if 'frame_id' in values:
@@ -78,7 +79,7 @@ def plain_frame(name: str) -> str:
     return name.lstrip('/')
 
 
-def imaging_frame(values: Mapping[str, object]) -> str:
+def imaging_frame(values: Mapping[str, Any]) -> str:
     """Frame of poses, grid and images alike.
 
     Parameters
@@ -102,7 +103,7 @@ def imaging_frame(values: Mapping[str, object]) -> str:
     return images
 
 
-def lever_arms(values: Mapping[str, object], name: str) -> list[str] | list[tuple[float, ...]]:
+def lever_arms(values: Mapping[str, Any], name: str) -> list[str] | list[tuple[float, ...]]:
     """Places of phase centres on the platform, each a frame of tf or x, y, z in metres.
 
     Parameters
@@ -118,7 +119,7 @@ def lever_arms(values: Mapping[str, object], name: str) -> list[str] | list[tupl
     return [tuple(numbers[i:i + 3]) for i in range(0, len(numbers), 3)]
 
 
-def _check_counts(buffer: Mapping, acquisition: Acquisition | None) -> Iterator[Finding]:
+def _check_counts(buffer: Mapping[str, Any], acquisition: Acquisition | None) -> Iterator[Finding]:
     """As many lever arms as channels, or one for all: else the nodes reject every block."""
     counts = {name: len(lever_arms(buffer, name)) for name in _ARMS}
     counts['antenna.offset_s'] = len(buffer['antenna.offset_s'])
@@ -134,7 +135,7 @@ def _check_counts(buffer: Mapping, acquisition: Acquisition | None) -> Iterator[
                           'would reject every block of pulses; give one for all or one for each')
 
 
-def _check_places(buffer: Mapping, acquisition: Acquisition) -> Iterator[Finding]:
+def _check_places(buffer: Mapping[str, Any], acquisition: Acquisition) -> Iterator[Finding]:
     """Several channels at one place, which nobody said or which contradicts the radar."""
     channels, spacing = acquisition.n_channels, acquisition.channel_spacing_m
     places = [lever_arms(buffer, name) for name in _ARMS]

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 from ..radiometry import QUANTITIES, RadarConstant
 from .constraints import Finding
@@ -13,7 +14,7 @@ NONE = 'none'
 QUANTITY, FILE, WINDOW = (f'radiometry.{name}' for name in ('quantity', 'constant_file', 'window'))
 
 
-def constant_of(parameters: Mapping[str, object]) -> RadarConstant | None:
+def constant_of(parameters: Mapping[str, Any]) -> RadarConstant | None:
     """Radar constant that parameters of a node name; None where images stay as they are.
 
     Raises
@@ -43,7 +44,7 @@ def constant_of(parameters: Mapping[str, object]) -> RadarConstant | None:
         raise ValueError(f'{FILE}: {error}') from error
 
 
-def check_radiometry(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:
+def check_radiometry(nodes: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
     """What is wrong with the calibrated brightness of a configuration.
 
     Parameters
@@ -60,7 +61,7 @@ def check_radiometry(nodes: Mapping[str, Mapping]) -> Iterator[Finding]:
             yield Finding('error', f'{name}: {error}')
 
 
-def _check_pattern(parameters: Mapping[str, object], imager: Mapping[str, object]) -> None:
+def _check_pattern(parameters: Mapping[str, Any], imager: Mapping[str, Any]) -> None:
     """Fusion takes the pattern out that backprojection has weighed by."""
     for name in ('pattern', 'azimuth_width', 'elevation_width', 'cutoff', 'pattern_file'):
         given, wanted = (values[f'antenna.{name}'] for values in (parameters, imager))
@@ -69,7 +70,7 @@ def _check_pattern(parameters: Mapping[str, object], imager: Mapping[str, object
                              'backprojection; set both alike')
 
 
-def _check_window(parameters: Mapping[str, object], window) -> None:
+def _check_window(parameters: Mapping[str, Any], window: str) -> None:
     """The area of a resolution cell depends on the window of the profiles."""
     if parameters[WINDOW] != window:
         raise ValueError(f'{WINDOW}={parameters[WINDOW]}, but range profiles have '

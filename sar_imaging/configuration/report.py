@@ -5,14 +5,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from ..signal.radar import Waveform
 from .derived import Derived, is_phase_history
 from .settings import Acquisition, Imaging, Machine
 
+Row = tuple[str, str, str]  # name, value, meaning
+
 
 def rows(acquisition: Acquisition, imaging: Imaging, machine: Machine,
-         derived: Derived) -> list[tuple[str, str, str]]:
+         derived: Derived) -> list[Row]:
     """Name, value with unit, and meaning of what an operator wants to know.
 
     Parameters
@@ -33,13 +36,13 @@ def rows(acquisition: Acquisition, imaging: Imaging, machine: Machine,
               for m in derived.memory)]
 
 
-def lines(table: list[tuple[str, str, str]]) -> list[str]:
+def lines(table: list[Row]) -> list[str]:
     """Rows as aligned lines."""
     name, value = (max(len(row[i]) for row in table) for i in range(2))
     return [f'{a:{name}}  {b:>{value}}  {c}'.rstrip() for a, b, c in table]
 
 
-def _geometry_rows(a: Acquisition, imaging: Imaging, d: Derived):
+def _geometry_rows(a: Acquisition, imaging: Imaging, d: Derived) -> Iterator[Row]:
     scene = d.scene
     yield ('wavelength', f'{1e3 * a.radar.wavelength_m:.3g} mm',
            'positions within an aperture should be right to a tenth of it')
@@ -65,7 +68,7 @@ def _geometry_rows(a: Acquisition, imaging: Imaging, d: Derived):
            f'{d.aperture_s:.3g} s, {math.degrees(d.aperture_rad):.3g} degrees seen from the scene')
 
 
-def _pulse_rows(a: Acquisition, d: Derived):
+def _pulse_rows(a: Acquisition, d: Derived) -> Iterator[Row]:
     yield 'pulse spacing', _metres(d.pulse_spacing_m), 'distance flown from pulse to pulse'
     yield ('scene in direction', f'{d.needed_direction:.3g}',
            'directions that the scene' + (' in the beam' if a.beamwidth_rad else '')
@@ -81,7 +84,7 @@ def _pulse_rows(a: Acquisition, d: Derived):
            'echoes from farther away arrive after the next pulse was sent')
 
 
-def _load_rows(imaging: Imaging, machine: Machine, d: Derived):
+def _load_rows(imaging: Imaging, machine: Machine, d: Derived) -> Iterator[Row]:
     shape = (imaging.volume or imaging.grid).shape
     yield ('input', f'{d.input_rate / 1e6:.3g} MB/s',
            f'into the nodes, in messages of {d.block_bytes / 1e6:.2g} MB; after '

@@ -13,8 +13,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..geometry.grids import MapGrid, PlaneGrid
 from ..memory import IMAGE_BYTES
@@ -28,6 +30,7 @@ _TRACK_POINTS = 65
 _STEPS = 40  # of bisection
 _SMALLEST_PX = 16  # sides of a grid that is worth imaging
 _LARGEST_M = 1e6
+_Pair = tuple[float, float]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,7 +98,7 @@ class Coverage:
         """(P, C, 3) float64 displaced phase centres, metres."""
         return 0.5 * (self.tx_m + self.rx_m)
 
-    def covers(self, points_m) -> np.ndarray:
+    def covers(self, points_m: ArrayLike) -> np.ndarray:
         """(N,) bool which points all profiles cover."""
         index = np.unique(np.linspace(0, len(self.tx_m) - 1, _TRACK_POINTS).astype(int))
         near, far = self.swath_m
@@ -104,7 +107,7 @@ class Coverage:
                            + np.linalg.norm(points - self.rx_m[index], axis=-1))
         return ((half_path >= near) & (half_path <= far)).all(axis=(1, 2))
 
-    def aperture_rad(self, centre_m) -> float:
+    def aperture_rad(self, centre_m: ArrayLike) -> float:
         """Angle under which a place sees the phase centres, radians, at most pi."""
         sights = self.centres_m.reshape(-1, 3) - np.asarray(centre_m, float)
         sights = sights / np.maximum(np.linalg.norm(sights, axis=1, keepdims=True), 1e-9)
@@ -112,7 +115,7 @@ class Coverage:
         mean = mean / max(np.linalg.norm(mean), 1e-9)
         return float(min(math.pi, 2 * np.arccos(np.clip(sights @ mean, -1, 1)).max()))
 
-    def unambiguous_m(self, centre_m) -> float:
+    def unambiguous_m(self, centre_m: ArrayLike) -> float:
         """Distance along the track after which a scatterer repeats, metres; infinite for none."""
         steps = np.linalg.norm(np.diff(self.centres_m, axis=0), axis=-1)
         moving = steps[steps > 0]
@@ -122,9 +125,9 @@ class Coverage:
         return float(self.radar.wavelength_m * distance / (2 * np.median(moving)))
 
 
-def choose_grid(coverage: Coverage, centre_m, *, plane: str = 'ground', area_m=None,
-                size_m: tuple[float, float] | None = None, spacing_m: float | None = None,
-                memory_bytes: float = math.inf) -> GridChoice:
+def choose_grid(coverage: Coverage, centre_m: ArrayLike, *, plane: str = 'ground',
+                area_m: ArrayLike | None = None, size_m: tuple[float, float] | None = None,
+                spacing_m: float | None = None, memory_bytes: float = math.inf) -> GridChoice:
     """Choose a grid.
 
     Parameters
@@ -169,7 +172,7 @@ def choose_grid(coverage: Coverage, centre_m, *, plane: str = 'ground', area_m=N
                        f'in range and {azimuth_m:.3g} m along the track (--spacing changes it)')
     _check_positive(spacing_m=spacing_m)
     asked = size_m is not None
-    if asked:
+    if size_m is not None:
         _check_positive(**{'size_m[0]': size_m[0], 'size_m[1]': size_m[1]})
     elif area_m is not None:
         size_m = _around(np.asarray(area_m, float), centre, axes)
@@ -178,13 +181,13 @@ def choose_grid(coverage: Coverage, centre_m, *, plane: str = 'ground', area_m=N
                        f'names{"" if fraction == 1.0 else ", as far as its profiles cover it"} '
                        '(--size changes it)')
     else:
-        size_m = _footprint(coverage, centre, axes, plane)
+        size_m = _footprint(coverage, centre, axes)
         reasons.append(f'size {size_m[0]:.4g} m by {size_m[1]:.4g} m around the middle: what the '
                        'profiles cover without ambiguity along the track (--size changes it)')
     size_m = _bounded(size_m, spacing_m, memory_bytes, asked, reasons)
     n_columns, n_rows = (round(size / spacing_m) + 1 for size in size_m)
     if plane == 'ground':
-        grid = MapGrid(tuple(centre), n_columns, n_rows, spacing_m)
+        grid: MapGrid | PlaneGrid = MapGrid(tuple(centre), n_columns, n_rows, spacing_m)
     else:
         grid = PlaneGrid.slant_plane(coverage.centres_m, centre, *size_m, spacing_m)
     return GridChoice(grid, plane, range_m, azimuth_m, tuple(reasons))
@@ -196,7 +199,7 @@ def _check_positive(**values: float) -> None:
             raise ValueError(f'{name}={value}; expected a positive number of metres')
 
 
-def _plane_axes(coverage: Coverage, centre, plane: str) -> np.ndarray:
+def _plane_axes(coverage: Coverage, centre: np.ndarray, plane: str) -> np.ndarray:
     """(2, 3) unit vectors of the columns and of the rows."""
     if plane == 'ground':
         return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -204,7 +207,7 @@ def _plane_axes(coverage: Coverage, centre, plane: str) -> np.ndarray:
     return steps[::-1]
 
 
-def _resolution(coverage: Coverage, centre, axes) -> tuple[float, float]:
+def _resolution(coverage: Coverage, centre: np.ndarray, axes: np.ndarray) -> _Pair:
     """Distances from peak to null on the plane, across the track and along it, metres."""
     look = centre - coverage.centres_m.mean(axis=(0, 1))
     distance = np.linalg.norm(look)
@@ -216,27 +219,29 @@ def _resolution(coverage: Coverage, centre, axes) -> tuple[float, float]:
     return range_m, azimuth_m
 
 
-def _around(area, centre, axes) -> tuple[float, float]:
+def _around(area: np.ndarray, centre: np.ndarray, axes: np.ndarray) -> _Pair:
     """Size of the rectangle around the middle that holds an area, metres."""
-    return tuple(2 * float(np.abs((area - centre) @ axis).max()) for axis in axes)
+    along, across = (2 * float(np.abs((area - centre) @ axis).max()) for axis in axes)
+    return along, across
 
 
-def _covered_part(coverage: Coverage, centre, axes, size_m):
+def _covered_part(coverage: Coverage, centre: np.ndarray, axes: np.ndarray, size_m: _Pair
+                  ) -> tuple[_Pair, float]:
     """Size of the part of an area, around its middle, that all profiles cover, and its share."""
     half = np.array(size_m) / 2
     fraction = 1.0
     if coverage.covers(centre[None]).all():
         fraction = _bisect(lambda s: bool(coverage.covers(_outline(centre, axes, s * half)).all()),
                         1.0)
-    return tuple(float(fraction * size) for size in size_m), fraction
+    return (float(fraction * size_m[0]), float(fraction * size_m[1])), fraction
 
 
-def _outline(centre, axes, half) -> np.ndarray:
+def _outline(centre: np.ndarray, axes: np.ndarray, half: np.ndarray) -> np.ndarray:
     """(9, 3) middle, corners and middles of the sides of a rectangle, metres."""
     return centre + (np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)]) * half) @ axes
 
 
-def _footprint(coverage: Coverage, centre, axes, plane: str) -> tuple[float, float]:
+def _footprint(coverage: Coverage, centre: np.ndarray, axes: np.ndarray) -> _Pair:
     """Largest rectangle of its proportions around the middle that is covered, metres."""
     if not coverage.covers(centre[None]).all():
         near, far = coverage.swath_m
@@ -264,10 +269,10 @@ def _footprint(coverage: Coverage, centre, axes, plane: str) -> tuple[float, flo
                     and (np.abs((points - centre) @ beside) <= half_beside * (1 + 1e-9)).all())
 
     fraction = _bisect(fits, 1.0)
-    return tuple(float(2 * fraction * side) for side in half)
+    return float(2 * fraction * half[0]), float(2 * fraction * half[1])
 
 
-def _reach(coverage: Coverage, centre, direction) -> float:
+def _reach(coverage: Coverage, centre: np.ndarray, direction: np.ndarray) -> float:
     """How far along a direction, both ways, all profiles cover, metres."""
     def covered(reach: float) -> bool:
         return bool(coverage.covers(centre + reach * np.array([direction, -direction])).all())
@@ -275,7 +280,7 @@ def _reach(coverage: Coverage, centre, direction) -> float:
     return _bisect(covered, min(_LARGEST_M, 2 * coverage.swath_m[1]))
 
 
-def _bisect(fits, most: float) -> float:
+def _bisect(fits: Callable[[float], bool], most: float) -> float:
     """Largest number up to `most` that fits, all smaller ones doing so."""
     if fits(most):
         return most
@@ -286,10 +291,12 @@ def _bisect(fits, most: float) -> float:
     return low
 
 
-def _bounded(size_m, spacing_m: float, memory_bytes: float, asked: bool, reasons: list[str]):
+def _bounded(size_m: _Pair, spacing_m: float, memory_bytes: float, asked: bool,
+             reasons: list[str]) -> _Pair:
     """Size in whole pixels that the memory allows."""
     least = _SMALLEST_PX * spacing_m
-    size_m = tuple(size if asked else max(size, least) for size in size_m)
+    if not asked:
+        size_m = max(size_m[0], least), max(size_m[1], least)
     n_bytes = PIXEL_BYTES * (size_m[0] / spacing_m + 1) * (size_m[1] / spacing_m + 1)
     if n_bytes <= memory_bytes:
         return size_m
@@ -299,7 +306,7 @@ def _bounded(size_m, spacing_m: float, memory_bytes: float, asked: bool, reasons
             f'{memory_bytes / 1e9:.2g} GB are allowed; ask for a smaller --size or a larger '
             '--spacing, or allow more --memory')
     fraction = math.sqrt(memory_bytes / n_bytes)
-    size_m = tuple(max(least, fraction * size) for size in size_m)
+    size_m = max(least, fraction * size_m[0]), max(least, fraction * size_m[1])
     reasons.append(f'cut to {size_m[0]:.4g} m by {size_m[1]:.4g} m around the middle, which '
                    f'{memory_bytes / 1e9:.2g} GB hold at this spacing (--memory or --spacing '
                    'changes it)')

@@ -68,7 +68,7 @@ class Acquisition:
     channel_spacing_m: float = 0.0
     beamwidth_rad: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('n_samples', 'n_channels'):
             if getattr(self, name) < 1:
                 raise ValueError(f'{name}={getattr(self, name)}; expected at least 1')
@@ -178,7 +178,7 @@ class Imaging:
     volume_spacing: float = 0.0
     radiometry_quantity: str = 'none'
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.mode not in MODES:
             raise ValueError(f'mode={self.mode!r} is unknown; use one of {", ".join(MODES)}')
         if self.far_range and self.far_range <= self.near_range:

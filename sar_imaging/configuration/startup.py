@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -65,7 +66,7 @@ class TrackWarnings:
     """
 
     def __init__(self, texts: tuple[str, ...], block: PulseBlock, acquisition: Acquisition,
-                 n_pulses: int):
+                 n_pulses: int) -> None:
         self.texts = texts
         first = int(np.argmin(block.counter))
         self._counter, self._place_m = int(block.counter[first]), block.phase_centre_m[first]
@@ -91,7 +92,7 @@ class TrackWarnings:
         return True if count.max() + 1 >= self._enough else None
 
 
-def report_block(parameters: Mapping[str, object], block: PulseBlock) -> StartupReport:
+def report_block(parameters: Mapping[str, Any], block: PulseBlock) -> StartupReport:
     """Derive and check everything that a first block and the parameters tell.
 
     The track is carried on straight from the block, so what follows from the track is a warning
@@ -155,7 +156,7 @@ def acquisition_of(block: PulseBlock, imaging: Imaging) -> Acquisition | None:
     Acquisition or None
         None when the block has fewer than two pulses at different times and places.
     """
-    if block.n_pulses < 2 or not block.has_positions:
+    if block.n_pulses < 2 or block.rx_m is None:
         return None
     first, last = np.argsort(block.counter, kind='stable')[[0, -1]]
     counts = int(block.counter[last]) - int(block.counter[first])
@@ -176,7 +177,7 @@ def acquisition_of(block: PulseBlock, imaging: Imaging) -> Acquisition | None:
         channel_spacing_m=float(np.ptp(along)) / max(1, block.n_channels - 1))
 
 
-def _beamwidth_rad(parameters: Mapping[str, object]) -> float:
+def _beamwidth_rad(parameters: Mapping[str, Any]) -> float:
     """Width of the pattern that images are weighed by; 0 where it is not known."""
     if parameters.get('antenna.pattern', NONE) == NONE:
         return 0.0
