@@ -16,6 +16,7 @@ import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -66,7 +67,8 @@ def write_catalogue(job: Job, output: Path) -> PieceResult:
                        found={'items': len(names)})
 
 
-def _collection(job: Job, names, boxes, times) -> dict:
+def _collection(job: Job, names: Sequence[str], boxes: Sequence[Sequence[float]],
+                times: Sequence[datetime.datetime]) -> dict[str, object]:
     """``catalog.json``, written by hand: pystac would read all items again."""
     west, south, east, north = np.array(boxes).T
     return {
@@ -99,7 +101,7 @@ def _brightness(told: Radiometry | None) -> dict[str, object]:
             f'{_OUR}noise_equivalent_db': noise if math.isfinite(noise) else None}
 
 
-def _errors(figures: list[dict]) -> dict[str, object]:
+def _errors(figures: list[dict[str, Any]]) -> dict[str, object]:
     """Errors of the images that something is made of."""
     predicted = [f['predicted_error_db'] for f in figures if f['predicted_error_db'] is not None]
     return {f'{_OUR}predicted_error_db': max(predicted, default=None),
@@ -115,17 +117,17 @@ class _Items:
         self._job, self._output = job, output
         self._made = datetime.datetime.now(datetime.timezone.utc)
 
-    def link(self, rel: str, href: str, media: str = 'application/json'):
+    def link(self, rel: str, href: str, media: str = 'application/json') -> Any:
         """A link as it stands in a file."""
         return self._stac.Link(rel, href, media)
 
-    def all(self, scans: list[ApertureScan]) -> Iterator:
+    def all(self, scans: list[ApertureScan]) -> Iterator[Any]:
         """Items of images, strips, the mosaic and pairs that are there."""
         imaged = [scan for scan in scans if StoredImage.open(self._output, scan.name)]
         by_name = {scan.name: scan for scan in imaged}
         for scan in imaged:
             yield self._image(scan)
-        strips = {}
+        strips: dict[str, list[ApertureScan]] = {}
         for scan in imaged:
             strips.setdefault(scan.recording, []).append(scan)
         for name, own in strips.items():
@@ -145,7 +147,7 @@ class _Items:
                     'zarr': f'{COHERENCE}/{pair}', 'coherence': f'coherence/{pair}.tif',
                     'phase': f'coherence/{pair}_phase.tif'})
 
-    def _image(self, scan: ApertureScan):
+    def _image(self, scan: ApertureScan) -> Any:
         figures = self._figures([scan])
         item = self._item(f'image-{scan.name}', 'image', [scan], {
             **radar_properties(scan.radar),
@@ -165,12 +167,13 @@ class _Items:
                                 'sicd': f'images/{scan.name}.nitf'})
         return item
 
-    def _figures(self, scans: Iterable[ApertureScan]) -> list[dict]:
+    def _figures(self, scans: Iterable[ApertureScan]) -> list[dict[str, Any]]:
         """What is known of the complete parts of some images."""
         return [figures for scan in scans for figures in
                 StoredImage.open(self._output, scan.name).figures(self._output)]
 
-    def _of_many(self, name: str, kind: str, scans: list[ApertureScan], assets):
+    def _of_many(self, name: str, kind: str, scans: list[ApertureScan], assets: Mapping[str, str]
+                 ) -> Any:
         """Item of what was made of several images."""
         item = self._item(name, kind, scans, {
             f'{_OUR}apertures': len(scans), f'{_OUR}pulses': sum(s.n_pulses for s in scans),
@@ -182,7 +185,8 @@ class _Items:
         self._add_assets(item, assets)
         return item
 
-    def _item(self, name: str, kind: str, scans: list[ApertureScan], properties: Mapping):
+    def _item(self, name: str, kind: str, scans: list[ApertureScan],
+              properties: Mapping[str, object]) -> Any:
         job = self._job
         first, last = (date_of(f(getattr(scan, which) for scan in scans))
                        for f, which in ((min, 'first_ns'), (max, 'last_ns')))
@@ -195,7 +199,7 @@ class _Items:
                 f'{_OUR}parameters': job.deciding(), f'{_OUR}digest': job.digest()},
             first, last, [_PROCESSING])
 
-    def _corners(self, footprints: Iterable) -> np.ndarray:
+    def _corners(self, footprints: Iterable[tuple[tuple[float, float], ...]]) -> np.ndarray:
         """(N, 2) latitude and longitude of a footprint, or of the rectangle around several."""
         corners = np.array([corner for one in footprints for corner in one], float)
         if len(corners) > 4:
@@ -203,7 +207,7 @@ class _Items:
         latitude, longitude, _ = self._job.datum.to_geographic(surface_points(self._job, corners))
         return np.column_stack([latitude, longitude])
 
-    def _add_assets(self, item, files: Mapping[str, str]) -> None:
+    def _add_assets(self, item: Any, files: Mapping[str, str]) -> None:
         for key, name in files.items():
             if (self._output / name).exists():
                 add_asset(item, key, self._output / name, self._output / ITEMS)
@@ -272,7 +276,8 @@ def _map_rows(job: Job, mosaic: Window | None) -> dict[str, str]:
 
 
 def _image_rows(output: Path, scans: Sequence[ApertureScan]) -> dict[str, str]:
-    methods, predicted, measured = collections.Counter(), [], []
+    methods: collections.Counter[str] = collections.Counter()
+    predicted, measured = [], []
     n_pulses = n_images = 0
     for scan in scans:
         image = StoredImage.open(output, scan.name)

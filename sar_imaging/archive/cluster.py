@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import sar_imaging
 
@@ -42,7 +43,7 @@ class ClusterError(RuntimeError):
 
 @contextlib.contextmanager
 def open_cluster(output: Path, *, scheduler: str | None = None, workers: int | None = None,
-                 memory_bytes: int | None = None) -> Iterator:
+                 memory_bytes: int | None = None) -> Iterator[Any]:
     """A Dask client whose workers can write into the output folder.
 
     Parameters
@@ -85,7 +86,7 @@ def dask(module: str = 'distributed') -> ModuleType:
 
 
 @contextlib.contextmanager
-def _local(workers: int, memory_bytes: int | None) -> Iterator:
+def _local(workers: int, memory_bytes: int | None) -> Iterator[Any]:
     config, distributed = dask('dask').config, dask()
     with config.set(_SETTINGS), warnings.catch_warnings():
         warnings.simplefilter('ignore')  # of a port that another dashboard has taken
@@ -105,7 +106,7 @@ def _local(workers: int, memory_bytes: int | None) -> Iterator:
 
 
 @contextlib.contextmanager
-def _running(address: str) -> Iterator:
+def _running(address: str) -> Iterator[Any]:
     distributed = dask()
     try:
         asyncio.run(_reach(address))
@@ -137,7 +138,7 @@ async def _reach(address: str) -> None:
     await communication.close()
 
 
-def _check_workers(client, output: Path, memory_bytes: int | None) -> None:
+def _check_workers(client: Any, output: Path, memory_bytes: int | None) -> None:
     """Ask every worker whether it can do the job, and raise ClusterError where one cannot."""
     witness = output / f'.probe-{uuid.uuid4().hex}'
     witness.write_text(socket.gethostname())
@@ -157,7 +158,7 @@ def _check_workers(client, output: Path, memory_bytes: int | None) -> None:
 
 
 def trouble_of_worker(witness: Path, version: str, memory_bytes: int | None,
-                      dask_worker=None) -> str:
+                      dask_worker: Any = None) -> str:
     """Why the worker that runs this cannot do a job, or ''.
 
     Parameters

@@ -15,6 +15,7 @@ import statistics
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -479,7 +480,7 @@ class ArchivePlan:
         return out
 
 
-def _row(name: str, pieces) -> str:
+def _row(name: str, pieces: Sequence[Piece]) -> str:
     longest = max(piece.seconds for piece in pieces)
     memory = max(piece.memory_bytes for piece in pieces)
     return (f'{name:<12}{len(pieces):>8,}'
@@ -600,11 +601,15 @@ def divide(job: Job, scans: Sequence[ApertureScan]) -> ArchivePlan:
     return plan
 
 
+_Partial = tuple[int, int, str, str]  # first and last leaf, key of the piece, name
+
+
 class _Images:
     """Pieces that make the aperture images, and which of them make which pixels."""
 
     def __init__(self, job: Job):
-        self.job, self.pieces = job, []
+        self.job = job
+        self.pieces: list[ImagePiece | SumPiece] = []
         self._final: dict[str, list[tuple[Window, str]]] = {}
         self._windows: list[Window] = []
 
@@ -648,7 +653,8 @@ class _Images:
                        for pair in pairs]
         return waiting[0][2]
 
-    def _sum(self, scan: ApertureScan, window: Window, place: str, one, other, last: bool):
+    def _sum(self, scan: ApertureScan, window: Window, place: str, one: _Partial, other: _Partial,
+             last: bool) -> _Partial:
         first, final = one[0], other[1]
         partial = '' if last else f'p{first}-{final}'
         key = f'sum {scan.name}{place} parts {first}-{final}'
@@ -706,7 +712,7 @@ class _Map:
 
 
 def _looks_takes(_: _Map, job: Job, images: _Images, tile: Window,
-                 scans: Sequence[ApertureScan]) -> dict:
+                 scans: Sequence[ApertureScan]) -> dict[str, Any]:
     """What a tile of means of power needs and takes."""
     n_pixels = sum(tile.intersection(scan.window).n_pixels for scan in scans)
     return dict(
@@ -717,7 +723,7 @@ def _looks_takes(_: _Map, job: Job, images: _Images, tile: Window,
 
 
 def _coherence_takes(pair: _Map, job: Job, images: _Images, tile: Window,
-                     scans: Sequence[ApertureScan]) -> dict:
+                     scans: Sequence[ApertureScan]) -> dict[str, Any]:
     """What a tile of coherence needs and takes."""
     n_pixels = tile.intersection(pair.window).n_pixels
     return dict(
@@ -748,7 +754,7 @@ def _maps(job: Job, scans: Sequence[ApertureScan]) -> list[_Map]:
 def _products(job: Job, scans: Sequence[ApertureScan], images: _Images, maps: Sequence[_Map],
               pieces: Sequence[Piece]) -> list[Piece]:
     """Files for other programs, and the catalogue of everything."""
-    out: list[ProductPiece] = []
+    out: list[Piece] = []
     if job.datum is not None:
         out += _image_files(job, scans, images)
         out += [_map_file(job, one, [p for p in pieces if isinstance(p, TilePiece)

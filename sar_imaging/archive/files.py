@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from ..formats.geotiff import write_cog
 from ..formats.quicklook import decibels
 from ..formats.sicd.grid import sicd_axes
 from ..formats.tags import told_of
+from ..geometry.earth import Datum
 from ..geometry.grids import PlaneGrid
 from ..geometry.illumination import Pointing
 from ..imaging.image import Image
@@ -44,6 +46,8 @@ from .storage import TiledArray, image_array
 from .tiles import stored_coherence, stored_looks
 from .windows import Window, lattice_grid
 
+# Name of a file, its array, options of `write_cog`, and what its values are
+_Layer = tuple[str, TiledArray, dict[str, Any], Callable[[np.ndarray], np.ndarray]]
 _LARGEST_MISS_PX = 0.25  # of a pixel's place by the affine transform
 
 
@@ -84,7 +88,8 @@ def place_of(window: Window, job: Job) -> Georeference:
 
 
 def _windows(array: TiledArray, window: Window,
-             values: Callable[[np.ndarray], np.ndarray]) -> Iterator:
+             values: Callable[[np.ndarray], np.ndarray]
+             ) -> Iterator[tuple[tuple[slice, slice], np.ndarray]]:
     """Tiles that were written, as parts of a window."""
     for tile in window.tiles(array.tile):
         part = tile.intersection(window)
@@ -92,7 +97,7 @@ def _windows(array: TiledArray, window: Window,
             yield part.within(window), values(array.read(part))
 
 
-def _raster_image(piece: ProductPiece, job: Job, output: Path) -> list[tuple]:
+def _raster_image(piece: ProductPiece, job: Job, output: Path) -> list[_Layer]:
     scan = piece.scan
     image = StoredImage.open(output, scan.name)
     if image is None or not image.complete(output, scan.window):
@@ -104,7 +109,7 @@ def _raster_image(piece: ProductPiece, job: Job, output: Path) -> list[tuple]:
               'tags': told_of(scan.radiometry)}, decibels)]
 
 
-def _looks(piece: ProductPiece, job: Job, output: Path) -> list[tuple]:
+def _looks(piece: ProductPiece, job: Job, output: Path) -> list[_Layer]:
     power, looks = stored_looks(output, piece.subject, piece.extent.on_tiles(job.tile), job.tile)
     name = f'strips/{piece.subject}' if piece.subject else 'mosaic'
     quantity = 'power' if job.radiometry is None else job.radiometry.quantity
@@ -115,7 +120,7 @@ def _looks(piece: ProductPiece, job: Job, output: Path) -> list[tuple]:
             (f'{name}_looks.tif', looks, {'dtype': np.uint16, 'names': ('looks',)}, np.asarray)]
 
 
-def _coherence(piece: ProductPiece, job: Job, output: Path) -> list[tuple]:
+def _coherence(piece: ProductPiece, job: Job, output: Path) -> list[_Layer]:
     values, phase = stored_coherence(output, piece.subject, piece.extent.on_tiles(job.tile),
                                      job.tile)
     name = f'coherence/{piece.subject}'
@@ -159,7 +164,7 @@ def write_sicd_image(piece: ProductPiece, job: Job, output: Path) -> PieceResult
                        warnings=image.report.warnings, files=(f'images/{scan.name}.nitf',))
 
 
-def _image(source: Source, grid: PlaneGrid, target_db: float, n_bytes: float):
+def _image(source: Source, grid: PlaneGrid, target_db: float, n_bytes: float) -> Image:
     imager = plan_image(grid, *source.of_profiles(), method=EXACT, target_db=target_db,
                         illumination=source.illumination)
     image = imager.new_image()
@@ -185,7 +190,8 @@ def _calibrated(image: Image, source: Source, looks: Pointing | None, job: Job
             {'response': response, 'constant': wanted.constant})
 
 
-def _grid(scan: ApertureScan, job: Job, acquisition: Acquisition, datum) -> PlaneGrid:
+def _grid(scan: ApertureScan, job: Job, acquisition: Acquisition, datum: Datum | None
+          ) -> PlaneGrid:
     """SICD's grid around the footprint, in the frame of the recording."""
     corners = np.array([(*corner, job.height_m) for corner in scan.footprint_m])
     if job.datum is not None and datum != job.datum:

@@ -16,6 +16,7 @@ import shutil
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -177,7 +178,7 @@ class Checked:
             self.reference[:] += values
             self.covered[:] &= covered
 
-    def figures(self, values: np.ndarray, energy: float, n_pixels: int) -> dict:
+    def figures(self, values: np.ndarray, energy: float, n_pixels: int) -> dict[str, Any]:
         """Energies of an image: of the error and of all pixels, per pixel that has a value.
 
         The error of the image is their quotient. It is that of pixels that all profiles cover;
@@ -196,7 +197,7 @@ class Checked:
                 'power': energy / n_pixels if n_pixels else 0.0, 'n_pixels': n_pixels}
 
 
-def error_db(figures: list[dict]) -> float | None:
+def error_db(figures: list[dict[str, Any]]) -> float | None:
     """Error of an image by what was measured in its parts, dB; None where nothing was."""
     known = [f for f in figures if f['n_checked'] and f['n_pixels']]
     error = sum(f['error_power'] * f['n_pixels'] for f in known)
@@ -281,7 +282,8 @@ def _opened(piece: ImagePiece | SumPiece, job: Job, output: Path
     return array, whole, None if piece.partial else scan.brightness_scale(output)
 
 
-def _finish(piece: ImagePiece | SumPiece, output: Path, checked: Checked, figures: dict) -> None:
+def _finish(piece: ImagePiece | SumPiece, output: Path, checked: Checked,
+            figures: dict[str, Any]) -> None:
     """Write what is known of an image, which says that its samples are complete."""
     name = _figures_path(output, piece.scan.name, piece.window, piece.partial)
     scan = piece.scan
@@ -334,7 +336,7 @@ class StoredImage:
         return all(_figures_path(output, self.name, part).exists()
                    for part in self.parts if part.intersection(window) is not None)
 
-    def figures(self, output: Path) -> list[dict]:
+    def figures(self, output: Path) -> list[dict[str, Any]]:
         """What is known of its complete parts: error and power, method, warnings."""
         paths = (_figures_path(output, self.name, part) for part in self.parts)
         return [json.loads(path.read_text()) for path in paths if path.exists()]
@@ -355,7 +357,8 @@ def sum_images(piece: SumPiece, job: Job, output: Path) -> PieceResult:
     return _result(figures)
 
 
-def _summed(piece: SumPiece, parts: list[TiledArray], job: Job, output: Path) -> dict:
+def _summed(piece: SumPiece, parts: list[TiledArray], job: Job, output: Path
+            ) -> dict[str, Any]:
     known = [json.loads(_figures_path(output, piece.scan.name, piece.window, name).read_text())
              for name in piece.parts]
     one, other = (Checked(np.array(f['index'], np.int64),
@@ -392,7 +395,7 @@ def _pick(values: np.ndarray, index: np.ndarray, samples: np.ndarray, part: Wind
     values[held] = samples[row[held] - part.row0, column[held] - part.column0]
 
 
-def _result(figures: dict) -> PieceResult:
+def _result(figures: dict[str, Any]) -> PieceResult:
     return PieceResult(
         predicted_error_db=figures['predicted_error_db'],
         measured_error_db=error_db([figures]), warnings=tuple(figures['warnings']),

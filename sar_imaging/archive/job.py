@@ -11,7 +11,9 @@ import dataclasses
 import hashlib
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -150,7 +152,7 @@ class Job:
     datum_from: str = ''
     radiometry: Brightness | None = None
 
-    def deciding(self) -> dict:
+    def deciding(self) -> dict[str, Any]:
         """What decides the bits of the results, as JSON holds it."""
         fields = dataclasses.asdict(self)
         if self.radiometry is None:  # as of jobs that knew of none
@@ -260,7 +262,7 @@ def read_job(path: Path | str) -> Job:
     return job
 
 
-def changed(job: Job, **options) -> Job:
+def changed(job: Job, **options: Any) -> Job:
     """The job with options of the command line in place of its own; None changes nothing.
 
     Raises
@@ -377,7 +379,8 @@ def _crs(value: Value) -> str:
 
 def _products(value: Value) -> Products:
     given = value.mapping(PRODUCTS, f'write products: {KEYS["products"]}')
-    fields = {name: part.flag() for name, part in given.items() if name in ('strips', 'mosaic')}
+    fields: dict[str, Any] = {
+        name: part.flag() for name, part in given.items() if name in ('strips', 'mosaic')}
     if 'images' in given:
         remedy = 'write for instance images: [geotiff]'
         parts = given['images'].items(f'a list of {" and ".join(IMAGE_FORMATS)}', remedy)
@@ -398,7 +401,7 @@ def _tile(value: Value) -> int:
     return tile
 
 
-_READERS = {
+_READERS: dict[str, Callable[[Value], Any]] = {
     'recordings': _recordings, 'output': _output, 'datum': _datum, 'area_m': _area, 'crs': _crs,
     'products': _products, 'radiometry': _radiometry, 'tile': _tile,
     'spacing_m': lambda v: v.number(1e-4, 1e4, 'metres', '0.25'),

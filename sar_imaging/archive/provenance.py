@@ -121,7 +121,8 @@ def check_mosaic(output: Path, n_pixels: int = 100, *, seed: int = 0,
     return PixelCheck(row, column, power, total / np.maximum(counted, 1), looks, counted)
 
 
-def _factors(scan: ApertureScan, output: Path, rows, columns) -> np.ndarray | float:
+def _factors(scan: ApertureScan, output: Path, rows: np.ndarray, columns: np.ndarray
+             ) -> np.ndarray | float:
     """(K,) scale of some pixels to the brightness that the job wants."""
     scale = scan.brightness_scale(output)
     if scale is None:
@@ -136,12 +137,13 @@ def _points(row: np.ndarray, column: np.ndarray, mosaic: Window, job: Job) -> np
     return np.ascontiguousarray(grid.positions(row - mosaic.row0, column - mosaic.column0))
 
 
-def _covers(scan, row: np.ndarray, column: np.ndarray, job: Job) -> np.ndarray:
+def _covers(scan: ApertureScan, row: np.ndarray, column: np.ndarray, job: Job) -> np.ndarray:
     """(K,) bool which pixels an aperture counts for."""
     return scan.window.holds(row, column) & covered(scan.footprint_m, row, column, job.spacing_m)
 
 
-def _chosen(output: Path, area: Window, job: Job, n_pixels: int, seed: int):
+def _chosen(output: Path, area: Window, job: Job, n_pixels: int, seed: int
+            ) -> tuple[np.ndarray, ...]:
     """Numbers, power and looks of random pixels of a window that have a look."""
     power, looks = stored_looks(output, '', area.on_tiles(job.tile), job.tile)
     rng = np.random.default_rng(seed)

@@ -14,8 +14,9 @@ import hashlib
 import os
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
@@ -149,7 +150,7 @@ def _of_catalogue(path: Path) -> Iterator[Path]:
     except MissingExtraError as error:
         raise JobError(str(error)) from error
 
-    class Local(pystac.stac_io.DefaultStacIO):
+    class Local(pystac.stac_io.DefaultStacIO):  # type: ignore[name-defined]  # optional library
         def read_text_from_href(self, href: str) -> str:
             if '://' in href:
                 raise ValueError(f'it leads to {href}; expected files on a disk')
@@ -172,7 +173,7 @@ def _of_catalogue(path: Path) -> Iterator[Path]:
         yield Path(href)
 
 
-def _is_of_pulses(href: str, asset) -> bool:
+def _is_of_pulses(href: str, asset: Any) -> bool:
     """Whether an asset is a recording or CPHD, and no image made of it."""
     return (href.lower().endswith('.cphd') or 'cphd' in (asset.media_type or '')
             or 'recording' in (asset.roles or ()) or _is_recording(Path(href)))
@@ -292,7 +293,7 @@ def _within(points: np.ndarray, hull: np.ndarray) -> np.ndarray:
     return inside(hull, *points.T, _EDGE * float(np.ptp(hull, axis=0).max()))
 
 
-def _clipped(places: np.ndarray, area_m) -> np.ndarray:
+def _clipped(places: np.ndarray, area_m: Sequence[float]) -> np.ndarray:
     """Places within the job's area; those beyond its edges are moved onto them."""
     low, high = np.array(area_m[:2]), np.array(area_m[2:])
     if (places.max(axis=0) < low).any() or (places.min(axis=0) > high).any():
@@ -494,7 +495,7 @@ def _check_pulses(source: Source, longest: int, warnings: list[str]) -> None:
         warnings.append(f'has {n} pulses, others of the recording have {longest}')
 
 
-def _drop_warning(job: Job, middle) -> list[str]:
+def _drop_warning(job: Job, middle: Sequence[float]) -> list[str]:
     """What the roundness of the Earth does to pixels on a plane."""
     if job.surface != 'plane' or job.datum is None:
         return []

@@ -72,7 +72,7 @@ class Records:
         name = hashlib.sha256(key.encode()).hexdigest()[:32]
         return self.output / RECORDS / name[:2] / f'{name}.json'
 
-    def read(self, key: str, mark: str) -> dict | None:
+    def read(self, key: str, mark: str) -> dict[str, Any] | None:
         """Record of a finished piece.
 
         Parameters
@@ -97,7 +97,8 @@ class Records:
         files = (record.get('result') or {}).get('files') or ()
         return record if all((self.output / name).exists() for name in files) else None
 
-    def write(self, key: str, mark: str, *, result: dict, **told) -> dict:
+    def write(self, key: str, mark: str, *, result: dict[str, Any], **told: object
+              ) -> dict[str, Any]:
         """Record that a piece is finished, after its own files are on the disk; returns it.
 
         Parameters

@@ -29,6 +29,7 @@ import uuid
 from asyncio import CancelledError
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from tqdm import tqdm
@@ -101,7 +102,7 @@ class Outcome:
 
     state: str
     reason: str = ''
-    record: dict | None = None
+    record: dict[str, Any] | None = None
     where: str = ''
 
 
@@ -147,8 +148,8 @@ def run_piece(piece: Any, mark: str, *, compute: Callable[[Any, Path], Any], out
         return _classified(error, memory_bytes)
 
 
-def _recorded(piece, mark: str, compute, output: Path, run: str, memory_bytes: int | None
-              ) -> dict:
+def _recorded(piece: Any, mark: str, compute: Callable[[Any, Path], Any], output: Path, run: str,
+              memory_bytes: int | None) -> dict[str, Any]:
     """Record of a piece, which is computed where there is none."""
     records, worker = Records(output), dask().get_worker()
     record = records.read(piece.key, mark)
@@ -191,7 +192,7 @@ def _where(error: BaseException) -> str:
     return ''.join(traceback.format_exception(error)[-4:])
 
 
-def _chain(error: BaseException | None):
+def _chain(error: BaseException | None) -> Iterator[BaseException]:
     """An error and what caused it."""
     seen = set()
     while error is not None and id(error) not in seen:
@@ -284,7 +285,7 @@ class RunSummary:
             return REFUSED
         return WITH_LOSSES if self.losses else ALL_DONE
 
-    def as_json(self) -> dict:
+    def as_json(self) -> dict[str, Any]:
         """For summary.json."""
         return {**dataclasses.asdict(self), 'exit_status': self.exit_status}
 
@@ -328,10 +329,10 @@ _ANSWER_SECONDS = 10.0  # how long an answer may take from its worker
 _GOES_ON = 'start the job again: it goes on where it stopped'
 
 
-def run_pieces(pieces: Sequence[Any], compute: Callable[[Any, Path], Any], client, output: Path,
-               *, retries: int = 2, memory_bytes: int | None = None,
+def run_pieces(pieces: Sequence[Any], compute: Callable[[Any, Path], Any], client: Any,
+               output: Path, *, retries: int = 2, memory_bytes: int | None = None,
                may_lack: Callable[[Any, Sequence[str]], bool] = lambda piece, lost: False,
-               on_result: Callable[[Any, dict], None] | None = None) -> RunSummary:
+               on_result: Callable[[Any, dict[str, Any]], None] | None = None) -> RunSummary:
     """Compute the pieces that have no record yet, on the workers of a Dask client.
 
     Parameters
@@ -369,13 +370,13 @@ def run_pieces(pieces: Sequence[Any], compute: Callable[[Any, Path], Any], clien
     return run.go()
 
 
-def _ordered(pieces: Sequence[Any]) -> graphlib.TopologicalSorter:
+def _ordered(pieces: Sequence[Any]) -> graphlib.TopologicalSorter[int]:
     """Indices of the pieces, each after those of its needs."""
     indices = {piece.key: index for index, piece in enumerate(pieces)}
     if len(indices) < len(pieces):
         twice = next(p.key for i, p in enumerate(pieces) if indices[p.key] != i)
         raise ValueError(f'two pieces are called {twice!r}; keys must be unique')
-    order = graphlib.TopologicalSorter()
+    order: graphlib.TopologicalSorter[int] = graphlib.TopologicalSorter()
     for index, piece in enumerate(pieces):
         for key in piece.needs:
             if key not in indices:
@@ -400,7 +401,7 @@ def _ctrl_c() -> Iterator[threading.Event]:
         yield pressed
         return
 
-    def press(number, frame):
+    def press(number: int, frame: FrameType | None) -> None:
         if pressed.is_set():
             before(number, frame)
         pressed.set()
@@ -415,8 +416,11 @@ def _ctrl_c() -> Iterator[threading.Event]:
 class _Run:
     """State of one call of `run_pieces`; only the thread that called it changes it."""
 
-    def __init__(self, pieces, client, output, retries, may_lack, on_result):
-        self.order, self.ready = _ordered(pieces), []
+    def __init__(self, pieces: Sequence[Any], client: Any, output: Path, retries: int,
+                 may_lack: Callable[[Any, Sequence[str]], bool],
+                 on_result: Callable[[Any, dict[str, Any]], None] | None) -> None:
+        self.order = _ordered(pieces)
+        self.ready: list[int] = []
         self.pieces, self.client, self.records = pieces, client, Records(output)
         self.retries, self.may_lack, self.on_result = retries, may_lack, on_result
         self.task: dict[str, Any] = {}
@@ -520,7 +524,7 @@ class _Run:
                     del self.futures[future]
                     self.settle(index, outcome)
 
-    def outcome(self, piece: Any, mark: str, future) -> Outcome | None:
+    def outcome(self, piece: Any, mark: str, future: Any) -> Outcome | None:
         """What became of a piece; its record tells sooner than its worker could.
 
         None where the answer has gone with its worker: Dask then computes the piece again.
@@ -562,7 +566,7 @@ class _Run:
             self.bar.total -= piece.seconds
         self.order.done(index)
 
-    def finish(self, piece, record: dict) -> None:
+    def finish(self, piece: Any, record: dict[str, Any]) -> None:
         self.marks[piece.key] = record['fingerprint']
         fresh = record['run'] == self.task['run']
         self.n_computed += fresh
@@ -580,8 +584,9 @@ class _Run:
         self.stopped = self.stopped or reason
 
 
-def _let_die(retries: int) -> Callable:
+def _let_die(retries: int) -> Callable[[Any], None]:
     """Function for the scheduler: how often workers may die of a piece before it is lost."""
-    def let_die(dask_scheduler):  # nested, it travels as code: a scheduler needs no sar_imaging
+    # nested, it travels as code: a scheduler needs no sar_imaging
+    def let_die(dask_scheduler: Any) -> None:
         dask_scheduler.allowed_failures = retries
     return let_die

@@ -16,6 +16,7 @@ import shutil
 import typing
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -296,7 +297,7 @@ def load_job(output: Path) -> Job:
     return dataclasses.replace(job, output=Path(output))
 
 
-def restored(kind, value):
+def restored(kind: Any, value: Any) -> Any:
     """A value of some type again, of what JSON made of its dataclasses, tuples and paths."""
     if value is None:
         return None

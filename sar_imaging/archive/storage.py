@@ -17,8 +17,10 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from ..formats import require
 from .pieces import ArchiveDataError
@@ -55,7 +57,7 @@ class TiledArray:
                              'pixels')
         self.path, self.extent, self.tile = Path(path), extent, tile
 
-    def create(self, dtype, fill_value, *,
+    def create(self, dtype: DTypeLike, fill_value: float, *,
                attributes: Mapping[str, object] | None = None) -> None:
         """Make the array, or open the one that is there already.
 
@@ -90,7 +92,7 @@ class TiledArray:
         return (self.path / '.zarray').exists()
 
     @functools.cached_property
-    def array(self):
+    def array(self) -> Any:
         """The Zarr array, opened when first asked for."""
         return require('zarr', 'reading images', EXTRA).open_array(str(self.path), mode='r+')
 

@@ -15,8 +15,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..exploitation.passes import PairStatistics, coherence_part, pair_statistics
+from ..exploitation.passes.coherence import Reader
 from .images import StoredImage
 from .job import Job
 from .pieces import ArchiveDataError, PieceResult, TilePiece
@@ -89,7 +91,8 @@ def _add(total: np.ndarray, looks: np.ndarray, samples: np.ndarray, counted: np.
     looks += counted
 
 
-def covered(footprint_m, row: np.ndarray, column: np.ndarray, spacing_m: float) -> np.ndarray:
+def covered(footprint_m: ArrayLike, row: np.ndarray, column: np.ndarray, spacing_m: float
+            ) -> np.ndarray:
     """Which pixels of the lattice lie within a footprint, to a thousandth of a pixel."""
     return inside(footprint_m, column * spacing_m, -row * spacing_m, 1e-3 * spacing_m)
 
@@ -128,7 +131,7 @@ def stored_coherence(output: Path, pair: str, extent: Window,
     return TiledArray(folder / VALUES, extent, tile), TiledArray(folder / PHASE, extent, tile)
 
 
-def _reader(piece: TilePiece, job: Job, output: Path, common: Window):
+def _reader(piece: TilePiece, job: Job, output: Path, common: Window) -> Reader:
     """Function that reads rows and columns of both images, counted from the common window."""
     arrays = []
     for name, _ in piece.images:
@@ -137,16 +140,17 @@ def _reader(piece: TilePiece, job: Job, output: Path, common: Window):
             raise ArchiveDataError(f'{piece.subject}: the image of {name} is not complete')
         arrays.append(image_array(output, name, image.window, job.tile))
 
-    def read(rows: slice, columns: slice):
+    def read(rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
         window = Window(common.row0 + rows.start, common.row0 + rows.stop,
                         common.column0 + columns.start, common.column0 + columns.stop)
-        return tuple(array.read(window) for array in arrays)
+        one, other = (array.read(window) for array in arrays)
+        return one, other
 
     return read
 
 
 def _statistics(piece: TilePiece, job: Job, output: Path, common: Window,
-                read) -> PairStatistics:
+                read: Reader) -> PairStatistics:
     """What tiles need of the whole pair: measured by the first of them, read by the others.
 
     Two that begin at once both measure, and find the same.

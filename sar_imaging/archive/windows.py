@@ -15,6 +15,7 @@ import math
 from collections.abc import Iterable, Iterator
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..geometry.earth import Datum
 from ..geometry.grids import MapGrid, TerrainGrid
@@ -41,13 +42,13 @@ class Window:
     column0: int
     column1: int
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.row1 <= self.row0 or self.column1 <= self.column0:
             raise ValueError(f'rows {self.row0} to {self.row1}, columns {self.column0} to '
                              f'{self.column1}: expected at least one pixel')
 
     @classmethod
-    def around(cls, points_m, spacing_m: float) -> Window:
+    def around(cls, points_m: ArrayLike, spacing_m: float) -> Window:
         """Smallest window with the points (N, 2 or 3), x and y in the map's frame, metres."""
         points = np.asarray(points_m, np.float64)
         columns, rows = points[:, 0] / spacing_m, -points[:, 1] / spacing_m
@@ -122,7 +123,7 @@ def box(points_m: np.ndarray) -> np.ndarray:
     return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
 
 
-def inside(corners_m, x_m: np.ndarray, y_m: np.ndarray, margin_m: float) -> np.ndarray:
+def inside(corners_m: ArrayLike, x_m: np.ndarray, y_m: np.ndarray, margin_m: float) -> np.ndarray:
     """Which places lie within a convex footprint, or nearer to its edges than a margin.
 
     Parameters
@@ -164,7 +165,7 @@ def window_grid(window: Window, job: Job) -> MapGrid | TerrainGrid:
     return TerrainGrid(grid, height)
 
 
-def surface_points(job: Job, points_m) -> np.ndarray:
+def surface_points(job: Job, points_m: ArrayLike) -> np.ndarray:
     """(N, 3) float64 points of the map's surface at (N, 2 or 3) x and y of its frame, metres."""
     x, y = np.asarray(points_m, np.float64)[:, :2].T
     round_earth = job.surface == ELLIPSOID and job.datum is not None
@@ -172,7 +173,7 @@ def surface_points(job: Job, points_m) -> np.ndarray:
     return np.column_stack([x, y, z])
 
 
-def surface_z(x_m, y_m, datum: Datum, height_m: float = 0.0) -> np.ndarray:
+def surface_z(x_m: ArrayLike, y_m: ArrayLike, datum: Datum, height_m: float = 0.0) -> np.ndarray:
     """Height in the frame of places at one height above the ellipsoid through the datum.
 
     Parameters
@@ -221,7 +222,7 @@ class SurfaceGrid:
         """Image shape ``(n_y, n_x)``."""
         return self.map_grid.shape
 
-    def positions(self, row, column) -> np.ndarray:
+    def positions(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
         """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
         out = self.map_grid.positions(row, column)
         out[..., 2] = surface_z(out[..., 0], out[..., 1], self.datum, self.height_m)

@@ -10,6 +10,7 @@ import json
 import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import sar_imaging
 
@@ -137,7 +138,7 @@ def _opened(job: Job, workers: int | None, scheduler: str | None, tell: Callable
             yield _Opened(job, client, recordings)
 
 
-def _run(opened: _Opened, pieces) -> RunSummary:
+def _run(opened: _Opened, pieces: Sequence[Piece]) -> RunSummary:
     return run_pieces(pieces, compute, opened.client, opened.job.output,
                       retries=opened.job.retries, memory_bytes=int(opened.job.memory_bytes),
                       may_lack=may_lack)
@@ -196,7 +197,7 @@ def _product(piece: ProductPiece, job: Job, output: Path) -> PieceResult:
     return dataclasses.replace(told, files=(*files, *told.files))
 
 
-_WORK: dict[str, Callable[[Piece, Job, Path], PieceResult]] = {
+_WORK: dict[str, Callable[[Any, Job, Path], PieceResult]] = {
     'scan': scan_piece, 'image': form_image, 'sum': sum_images, 'strip': looks_tile,
     'mosaic': looks_tile, 'coherence': coherence_tile, 'product': _product}
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -90,8 +90,9 @@ def write_raster(path: os.PathLike[str] | str, bands: Mapping[str, np.ndarray], 
     return place
 
 
-def write_cog(path: os.PathLike[str] | str, values: np.ndarray, place: Georeference, *,
-              shape: tuple[int, int] | None = None, dtype: Any = None,
+def write_cog(path: os.PathLike[str] | str,
+              values: np.ndarray | Iterable[tuple[tuple[slice, slice], np.ndarray]],
+              place: Georeference, *, shape: tuple[int, int] | None = None, dtype: Any = None,
               names: Sequence[str] = ('',), units: Sequence[str] = (),
               nodata: float | None = None, tags: Mapping[str, str] | None = None,
               overviews: str = 'NEAREST') -> None:
