@@ -20,7 +20,8 @@ import bisect
 import dataclasses
 import functools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from llvmlite import ir
@@ -103,7 +104,7 @@ class Ffbp(Method):
     OWN = {'pulses_per_subaperture': 16, 'merge_factor': None, 'kernel': None,
            'range_oversampling': None, 'angle_oversampling': None}
 
-    def plan(self, tx_m, rx_m) -> Report:
+    def plan(self, tx_m: np.ndarray, rx_m: np.ndarray) -> Report:
         """See `Method`."""
         plan = plan_ffbp(self.grid, self.radar, self.n_samples, tx_m, rx_m,
                          target_db=self.options.target_db, **self.own)
@@ -132,7 +133,7 @@ class Ffbp(Method):
                 self._add(node, buffers[node.level], image)
         return image
 
-    def _form(self, node: Node, block, buffers, bar) -> None:
+    def _form(self, node: Node, block: PulseBlock, buffers: list[np.ndarray], bar: tqdm) -> None:
         """Make the image of a sub-aperture from its pulses or from its parts."""
         image = buffers[node.level]
         if not node.children:
@@ -143,7 +144,7 @@ class Ffbp(Method):
             self._form(child, block, buffers, bar)
             self._merge(child, buffers[child.level], node, image, number == 0)
 
-    def _backproject(self, node, block, image) -> None:
+    def _backproject(self, node: Node, block: PulseBlock, image: np.ndarray) -> None:
         plan, frame = self.report.plan, self.report.plan.frame
         segment = plan.resampling.segment
         n_alpha, n_range = node.shape
@@ -163,7 +164,8 @@ class Ffbp(Method):
     def _groups(self) -> int:
         return _GROUPS_PER_THREAD * numba.get_num_threads()
 
-    def _merge(self, child, source, parent, target, first) -> None:
+    def _merge(self, child: Node, source: np.ndarray, parent: Node, target: np.ndarray, first: bool
+               ) -> None:
         """Add the image of a part to that of a longer sub-aperture."""
         plan, frame = self.report.plan, self.report.plan.frame
         level, spacing, (rows, columns) = (plan.levels[parent.level], plan.range_spacing_m,
@@ -188,12 +190,14 @@ class Ffbp(Method):
                     np.arange(width, dtype=np.float32), int(first),
                     *np.empty((5, groups * width), np.float32))
 
-    def _add(self, node, source, image) -> None:
+    def _add(self, node: Node, source: np.ndarray, image: np.ndarray) -> None:
         """Interpolate one of the last local images to the requested grid."""
         self._interpolate(node, source, self.report.plan.grid, image.reshape(-1).view(np.float32),
                           (*image.shape, 2 * image.shape[1], 2, 1), 0.0)
 
-    def _interpolate(self, node, source, grid, target, layout, cycles_per_column) -> None:
+    def _interpolate(self, node: Node, source: np.ndarray, grid: MapGrid | PolarGrid,
+                     target: np.ndarray, layout: tuple[int, ...], cycles_per_column: float
+                     ) -> None:
         plan, frame = self.report.plan, self.report.plan.frame
         if isinstance(grid, MapGrid):
             pixels = [grid.x_m[0], grid.y_m[0], grid.spacing_m, -grid.spacing_m, *7 * [0.0]]
@@ -335,8 +339,8 @@ def _pixels(node: Node) -> int:
     return node.shape[0] * node.shape[1]
 
 
-def plan_ffbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
-              target_db: float = -60.0, pulses_per_subaperture: int = 16,
+def plan_ffbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m: np.ndarray,
+              rx_m: np.ndarray, *, target_db: float = -60.0, pulses_per_subaperture: int = 16,
               merge_factor: int | None = None, kernel: str | None = None,
               range_oversampling: float | None = None, angle_oversampling: float | None = None
               ) -> FfbpPlan:
@@ -384,10 +388,10 @@ def plan_ffbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
     given = [None if v is None else _checked(name, v, least) for name, v, least in (
         ('range', range_oversampling, 1.25), ('angle', angle_oversampling, 1.0))]
 
-    def plan(geometry, tones, sampling):
+    def plan(geometry: FfbpGeometry, tones: LocalTones, sampling: FfbpSampling) -> FfbpPlan:
         return plan_from_geometry(grid, radar, n_samples, tx_m, rx_m, geometry, tones, sampling)
 
-    def geometry_of(factor):
+    def geometry_of(factor: int) -> tuple[FfbpGeometry, LocalTones]:
         geometry = ffbp_geometry(grid, radar, tx_m, rx_m, int(pulses_per_subaperture), factor)
         return geometry, local_tones(geometry, radar)
 
@@ -400,7 +404,9 @@ def plan_ffbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
     return _quickest(plan, trees, kernels, given, grid, target_db)
 
 
-def _quickest(plan, trees, kernels, given, grid, target_db) -> FfbpPlan:
+def _quickest(plan: Callable[[FfbpGeometry, LocalTones, FfbpSampling], FfbpPlan],
+              trees: list[tuple[FfbpGeometry, LocalTones]], kernels: tuple[str, ...],
+              given: list[float | None], grid: MapGrid | PolarGrid, target_db: float) -> FfbpPlan:
     """Plan of the least cost that meets a target; plans are made until one does."""
     slack, reached = 0.0, math.inf
     for _ in range(_ROUNDS):
@@ -429,11 +435,13 @@ class _Candidate:
     error: float
 
 
-def _candidates(geometry, tones, kernel, given, grid, target_db) -> Iterator[_Candidate]:
+def _candidates(geometry: FfbpGeometry, tones: LocalTones, kernel: str,
+                given: list[float | None], grid: MapGrid | PolarGrid, target_db: float
+                ) -> Iterator[_Candidate]:
     """The coarsest sampling along either axis with which a kernel errs by half of the target."""
     allowed, errors, chosen = 10 ** ((target_db - _HALF_DB) / 10), [], []
     for axis in (0, 1):
-        def error(oversampling, axis=axis):
+        def error(oversampling: float, axis: int = axis) -> float:
             spacings = ([geometry.range_spacing(oversampling)] * len(geometry.levels),
                         geometry.alpha_spacings(oversampling))
             return read_errors(tones, (axis,), kernel, (oversampling,) * 2, spacings,
@@ -449,7 +457,7 @@ def _candidates(geometry, tones, kernel, given, grid, target_db) -> Iterator[_Ca
                      _cost(geometry, sampling, grid), sum(errors))
 
 
-def _cost(geometry: FfbpGeometry, sampling: FfbpSampling, grid) -> float:
+def _cost(geometry: FfbpGeometry, sampling: FfbpSampling, grid: MapGrid | PolarGrid) -> float:
     """About how long an image takes, nanoseconds."""
     taps, cost = TAPS[sampling.kernel], costs()
     offset = geometry.edge - geometry.levels[0][0].centre
@@ -465,7 +473,8 @@ def _cost(geometry: FfbpGeometry, sampling: FfbpSampling, grid) -> float:
             * (cost.gathered_pixel + taps * cost.gathered_tap))
 
 
-def _check_options(kernel, pulses_per_subaperture, merge_factor) -> None:
+def _check_options(kernel: str | None, pulses_per_subaperture: int, merge_factor: int | None
+                   ) -> None:
     if kernel is not None and kernel not in TAPS:
         raise ValueError(f'kernel={kernel!r}; expected one of {", ".join(TAPS)}')
     for name, value, least in (('pulses_per_subaperture', pulses_per_subaperture, 1),
@@ -474,7 +483,8 @@ def _check_options(kernel, pulses_per_subaperture, merge_factor) -> None:
             raise ValueError(f'{name}={value}; expected an integer of {least} or more')
 
 
-def _check_aperture(grid, radar, tx, rx) -> None:
+def _check_aperture(grid: MapGrid | PolarGrid, radar: RadarParameters, tx: np.ndarray,
+                    rx: np.ndarray) -> None:
     if not isinstance(grid, MapGrid | PolarGrid):
         raise ValueError(f'grid is a {type(grid).__name__}; FFBP images a MapGrid or a '
                          'PolarGrid: use exact backprojection')
@@ -491,15 +501,15 @@ def _check_aperture(grid, radar, tx, rx) -> None:
                          'transmit and receive position')
 
 
-def _checked(name, value, least) -> float:
+def _checked(name: str, value: float, least: float) -> float:
     if not (value > least and math.isfinite(value)):
         raise ValueError(f'{name}_oversampling={value}; expected more than {least}')
     return float(value)
 
 
-def plan_from_geometry(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m,
-                       rx_m, geometry: FfbpGeometry, tones: LocalTones, sampling: FfbpSampling
-                       ) -> FfbpPlan:
+def plan_from_geometry(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
+                       tx_m: np.ndarray, rx_m: np.ndarray, geometry: FfbpGeometry,
+                       tones: LocalTones, sampling: FfbpSampling) -> FfbpPlan:
     """Plan with a given tree and sampling.
 
     Parameters
@@ -555,8 +565,9 @@ def _reach(nodes: Sequence[Node], geometry: FfbpGeometry, spacing: float) -> tup
     return float((start - away).min()), float((stop + away).max())
 
 
-def _errors_db(geometry, radar, window, tones, sampling, resampling, alpha_spacings, segments
-               ) -> dict[str, float]:
+def _errors_db(geometry: FfbpGeometry, radar: RadarParameters, window: RangeGate,
+               tones: LocalTones, sampling: FfbpSampling, resampling: RangeResampling,
+               alpha_spacings: list[float], segments: list[Segment]) -> dict[str, float]:
     reading = reading_segments(geometry, segments)
     spacings = [resampling.spacing] * len(segments), alpha_spacings
     *each, both = read_errors(tones, (0, 1), sampling.kernel, sampling.oversampling, spacings,
@@ -637,7 +648,8 @@ def local_tones(geometry: FfbpGeometry, radar: RadarParameters) -> LocalTones:
                       np.array(known), powers[..., None, None] * _BY_TONE / 2)
 
 
-def _powers(geometry, radar, pulses, channels) -> np.ndarray:
+def _powers(geometry: FfbpGeometry, radar: RadarParameters, pulses: np.ndarray,
+            channels: np.ndarray) -> np.ndarray:
     """(2, S, C) parts of some pulses, each with its neighbours, in the power of images."""
     scene = geometry.scene
     power = echo_power(geometry.tx.reshape(-1, 3), geometry.rx.reshape(-1, 3), scene[4],
@@ -707,7 +719,7 @@ def read_errors(tones: LocalTones, axes: Sequence[int], kernel: str,
     return [_mean_error(tones, *both) for both in each]
 
 
-def _mean_error(tones, kept, spread) -> float:
+def _mean_error(tones: LocalTones, kept: np.ndarray, spread: np.ndarray) -> float:
     """Where the image is worst, of what pulses see alike or of noise."""
     error = (1 - kept) ** 2 + kept ** 2 * spread
     return float(np.einsum('scpf,wscpf->wp', error, np.broadcast_to(
@@ -775,8 +787,9 @@ class FfbpGeometry:
                 for half, widest in zip(self.half_alpha, self.widest, strict=True)]
 
 
-def ffbp_geometry(grid: MapGrid | PolarGrid, radar: RadarParameters, tx_m, rx_m,
-                  pulses_per_subaperture: int, merge_factor: int) -> FfbpGeometry:
+def ffbp_geometry(grid: MapGrid | PolarGrid, radar: RadarParameters, tx_m: np.ndarray,
+                  rx_m: np.ndarray, pulses_per_subaperture: int, merge_factor: int
+                  ) -> FfbpGeometry:
     """Geometry of an aperture.
 
     Raises
@@ -869,19 +882,19 @@ class Frame:
     across: np.ndarray
     z_m: float
 
-    def enter(self, points) -> np.ndarray:
+    def enter(self, points: np.ndarray) -> np.ndarray:
         """Positions (..., 3) as along track, across track and up."""
         points = np.asarray(points, float)
         return np.stack([points[..., :2] @ self.track, points[..., :2] @ self.across,
                          points[..., 2]], axis=-1)
 
-    def leave(self, point) -> tuple[float, float, float]:
+    def leave(self, point: np.ndarray) -> tuple[float, float, float]:
         """A position along track, across track and up in the imaging frame."""
         x, y = point[0] * self.track + point[1] * self.across
         return float(x), float(y), float(point[2])
 
 
-def find_frame(outline, centres, z_m: float) -> Frame:
+def find_frame(outline: np.ndarray, centres: np.ndarray, z_m: float) -> Frame:
     """Frame of an aperture and the scene that it looks at.
 
     Parameters
@@ -897,7 +910,7 @@ def find_frame(outline, centres, z_m: float) -> Frame:
     return Frame(track, side * np.array([-track[1], track[0]]), z_m)
 
 
-def build_tree(centres, pulses_per_subaperture: int, merge_factor: int
+def build_tree(centres: np.ndarray, pulses_per_subaperture: int, merge_factor: int
                ) -> tuple[list[list[Node]], list[Node]]:
     """Sub-apertures of every level, and those from which the image is made at last.
 
@@ -918,7 +931,7 @@ def build_tree(centres, pulses_per_subaperture: int, merge_factor: int
     top : list of Node
         At most `merge_factor` sub-apertures that make up the whole aperture.
     """
-    def made(starts, parts):
+    def made(starts: list[int], parts: list[tuple[Node, ...]]) -> list[Node]:
         """Sub-apertures, each up to where the next one starts."""
         middles = 0.5 * (np.minimum.reduceat(centres, starts)
                          + np.maximum.reduceat(centres, starts))
@@ -948,7 +961,7 @@ def outline_of(grid: MapGrid | PolarGrid) -> tuple[np.ndarray, np.ndarray, float
     step : float
         Metres.
     """
-    def place(a, b):
+    def place(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         if isinstance(grid, MapGrid):
             x, y = (v[0] + s * (v[-1] - v[0]) for v, s in ((grid.x_m, a), (grid.y_m, b)))
             return np.stack([x, y, np.full(x.shape, grid.z_m)], axis=-1)
@@ -963,7 +976,7 @@ def outline_of(grid: MapGrid | PolarGrid) -> tuple[np.ndarray, np.ndarray, float
     return np.concatenate(edges), place(a, b), float(step)
 
 
-def check_side(nodes: list[Node], edge) -> None:
+def check_side(nodes: list[Node], edge: np.ndarray) -> None:
     """Raise ValueError where a scene does not lie on one side of the track.
 
     Parameters
@@ -980,7 +993,7 @@ def check_side(nodes: list[Node], edge) -> None:
                          'backprojection')
 
 
-def widest_spacings(levels: list[list[Node]], points) -> list[float]:
+def widest_spacings(levels: list[list[Node]], points: np.ndarray) -> list[float]:
     """Spacings of directions by level that keep the margins of short sub-apertures near the scene.
 
     Parameters
@@ -995,8 +1008,8 @@ def widest_spacings(levels: list[list[Node]], points) -> list[float]:
     return np.maximum(spread / 2, _NARROW).tolist()
 
 
-def half_bands(levels: list[list[Node]], tx, rx, points, radar: RadarParameters
-               ) -> tuple[list[float], list[float]]:
+def half_bands(levels: list[list[Node]], tx: np.ndarray, rx: np.ndarray, points: np.ndarray,
+               radar: RadarParameters) -> tuple[list[float], list[float]]:
     """Half the bandwidth of local images along range (rad/m) and direction (rad) by level.
 
     They are the derivatives of the half path times the wavenumber, largest over the
@@ -1035,7 +1048,8 @@ def _firsts(levels: list[list[Node]]) -> np.ndarray:
     return np.cumsum([0, *map(len, levels[:-1])])
 
 
-def local_slopes(origins, tx, rx, points) -> np.ndarray:
+def local_slopes(origins: np.ndarray, tx: np.ndarray, rx: np.ndarray, points: np.ndarray
+                 ) -> np.ndarray:
     """Derivatives of half paths by range and direction from some origins.
 
     Parameters
@@ -1065,15 +1079,15 @@ def local_slopes(origins, tx, rx, points) -> np.ndarray:
     return slopes
 
 
-def _offsets(origins, points) -> tuple[np.ndarray, ...]:
+def _offsets(origins: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, ...]:
     """Along track, across and up from origins (..., 3) to points (K, 3), and distance, metres."""
     along, across, up = (points[:, axis] - origins[..., axis, None] for axis in range(3))
     return along, across, up, np.sqrt(along * along + across * across + up * up)
 
 
-def plan_profiles(nodes: list[Node], frame: Frame, tx, rx, points, spacing: float,
-                  radar: RadarParameters, n_samples: int, target_db: float
-                  ) -> RangeResampling | None:
+def plan_profiles(nodes: list[Node], frame: Frame, tx: np.ndarray, rx: np.ndarray,
+                  points: np.ndarray, spacing: float, radar: RadarParameters, n_samples: int,
+                  target_db: float) -> RangeResampling | None:
     """Range grid of the profiles for the first stage; its spacing is that of all local grids."""
     lengths, derivatives, span = [], [], 0.0
     for node in nodes[::max(1, len(nodes) // 8)]:
@@ -1093,7 +1107,7 @@ def plan_profiles(nodes: list[Node], frame: Frame, tx, rx, points, spacing: floa
 
 
 def place_grids(levels: list[list[Node]], top: list[Node], alpha_spacings: list[float],
-                segments: list[int], edge, edge_step: float, spacing: float, taps: int
+                segments: list[int], edge: np.ndarray, edge_step: float, spacing: float, taps: int
                 ) -> tuple[tuple[Level, ...], tuple[Node, ...]]:
     """Choose first range, direction and size of every local grid.
 
@@ -1141,7 +1155,8 @@ def place_grids(levels: list[list[Node]], top: list[Node], alpha_spacings: list[
             tuple(placed[n] for n in top))
 
 
-def _grids(nodes, edge, edge_step, spacings, more) -> list[tuple]:
+def _grids(nodes: list[Node], edge: np.ndarray, edge_step: float, spacings: tuple[float, float],
+           more: tuple[float, float]) -> list[tuple[float, float, tuple[int, int]]]:
     """First range, direction and shape of the grids of a level.
 
     `spacings` and `more` are those of range and direction.
@@ -1198,8 +1213,8 @@ class Segment:
         return (self.drift_range, self.drift_alpha)[axis]
 
 
-def choose_segment(nodes: list[Node], alpha_spacings: list[float], points, spacing: float,
-                   wavelength_m: float) -> Segment:
+def choose_segment(nodes: list[Node], alpha_spacings: list[float], points: np.ndarray,
+                   spacing: float, wavelength_m: float) -> Segment:
     """Longest segment along which the expansions of a merge are exact enough.
 
     Parameters
@@ -1231,11 +1246,12 @@ def choose_segment(nodes: list[Node], alpha_spacings: list[float], points, spaci
     return Segment()
 
 
-def _rms(values) -> float:
+def _rms(values: np.ndarray) -> float:
     return math.sqrt(np.mean(np.square(values)))
 
 
-def _drifts(points, parent, child, alpha_spacing, spacing, segment) -> tuple[np.ndarray, ...]:
+def _drifts(points: np.ndarray, parent: np.ndarray, child: np.ndarray, alpha_spacing: np.ndarray,
+            spacing: float, segment: int) -> tuple[np.ndarray, ...]:
     """Fourth difference of the child's range along a segment of the parent, metres, and drifts.
 
     The fourth difference over a segment is ``4! (half / 2)^4 / 24`` of the fourth derivative.
@@ -1246,7 +1262,7 @@ def _drifts(points, parent, child, alpha_spacing, spacing, segment) -> tuple[np.
     r = np.linalg.norm(offset, axis=-1)
     alpha, height = offset[..., 0] / r, offset[..., 2]
 
-    def coordinates(f):
+    def coordinates(f: float) -> tuple[np.ndarray, np.ndarray]:
         ground = np.sqrt(np.maximum((r + f) ** 2 * (1 - alpha ** 2) - height ** 2, 0.0))
         a, c = (r + f) * alpha, ground
         shift = parent - child
@@ -1296,14 +1312,14 @@ def kernel_weights(kernel: str, oversampling: float) -> np.ndarray:
     return np.ascontiguousarray(weights, np.float32)
 
 
-def _knab(x, half, oversampling):
+def _knab(x: np.ndarray, half: float, oversampling: float) -> np.ndarray:
     """Sinc in the window of Knab, which continues smoothly beyond its ends."""
     v = math.pi * half * (1 - 1 / oversampling)
     root = np.sqrt((1 - (x / half) ** 2).astype(complex))
     return np.sinc(x) * (np.cosh(v * root) / np.cosh(v)).real
 
 
-def mean_gain(kernel: str, oversampling: float, drift: float, frequency
+def mean_gain(kernel: str, oversampling: float, drift: float, frequency: np.ndarray
               ) -> tuple[np.ndarray, np.ndarray]:
     """What interpolation makes of a tone, over places that are evenly distributed.
 
@@ -1335,7 +1351,8 @@ def mean_gain(kernel: str, oversampling: float, drift: float, frequency
 
 
 @functools.lru_cache(maxsize=256)
-def _gain_tables(kernel, oversampling, drift) -> list[tuple[np.ndarray, np.ndarray]]:
+def _gain_tables(kernel: str, oversampling: float, drift: float
+                 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Loss and variance at frequencies, and their steps from there to the next."""
     place, by_place = np.polynomial.legendre.leggauss(_PLACES)
     along, by_along = np.polynomial.legendre.leggauss(_DRIFTS)
@@ -1668,7 +1685,7 @@ def add_to_grid(local, shape, geometry, grid, layout, weights_range, weights_alp
                     image[to + imag_step] += re * s + im * c
 
 
-def _make(taps):
+def _make(taps: int) -> Any:
     kind = ir.VectorType(_FLOAT, taps)
 
     @intrinsic
@@ -1745,11 +1762,11 @@ def _make(taps):
     return interpolate
 
 
-def _number(value):
+def _number(value: int) -> ir.Constant:
     return ir.Constant(ir.IntType(32), value)
 
 
-def _lanes(lanes):
+def _lanes(lanes: list[int]) -> ir.Constant:
     return ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), lanes)
 
 

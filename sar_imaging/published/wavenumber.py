@@ -67,7 +67,7 @@ class Wavenumber(Method):
     NAME = 'wavenumber'
     OWN = {'taps': None, 'range_padding': 2.0, 'azimuth_padding': None}
 
-    def plan(self, tx_m, rx_m) -> Report:
+    def plan(self, tx_m: np.ndarray, rx_m: np.ndarray) -> Report:
         """See `Method`."""
         return self.planned(plan_wavenumber(self.grid, self.radar, self.n_samples, tx_m, rx_m,
                                             target_db=self.options.target_db, **self.own))
@@ -143,9 +143,10 @@ class WavenumberPlan(Plan):
                 f'samples to {n_u} x {self.n_x}')
 
 
-def plan_wavenumber(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
-                    target_db: float = -60.0, taps: int | None = None, range_padding: float = 2.0,
-                    azimuth_padding: float | None = None) -> WavenumberPlan:
+def plan_wavenumber(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m: np.ndarray,
+                    rx_m: np.ndarray, *, target_db: float = -60.0, taps: int | None = None,
+                    range_padding: float = 2.0, azimuth_padding: float | None = None
+                    ) -> WavenumberPlan:
     """Plan the image of an aperture.
 
     The track may run in any direction and at any height, the grid may lie anywhere beside it:
@@ -260,7 +261,7 @@ def _outline(grid: MapGrid) -> tuple[np.ndarray, np.ndarray]:
     return tuple(np.array([(*p, grid.z_m) for p in points]) for points in (corners, edge))
 
 
-def _check_place(scene: SlantScene, radar: RadarParameters, frequencies) -> None:
+def _check_place(scene: SlantScene, radar: RadarParameters, frequencies: np.ndarray) -> None:
     """Refuse grids on the track, seen along the track, or outside the recorded ranges."""
     nearest = NEAREST_WAVELENGTHS * radar.wavelength_m
     if scene.distance_m.min() < nearest:
@@ -349,7 +350,7 @@ class DopplerBand:
     error_db: float  # of an image that ends there
     warning: str | None
 
-    def weight(self, sine) -> np.ndarray:
+    def weight(self, sine: np.ndarray) -> np.ndarray:
         """Weight of the spectrum at sines of the angle from broadside."""
         out = ((sine >= self.stopped[0]) & (sine <= self.stopped[1])).astype(float)
         for passed, stopped in zip(self.passed, self.stopped, strict=True):
@@ -358,12 +359,12 @@ class DopplerBand:
                 out *= t * t * t * (10 - 15 * t + 6 * t * t)  # smooth to the second derivative
         return out
 
-    def wavenumbers(self, k) -> np.ndarray:
+    def wavenumbers(self, k: np.ndarray) -> np.ndarray:
         """(I,) int64 numbers of the k_u that hold the band at every k, ascending."""
         ends = np.multiply.outer(self.stopped, k[[0, -1]]) / self.step
         return np.arange(math.floor(ends.min()), math.ceil(ends.max()) + 1)
 
-    def range_wavenumbers(self, k) -> tuple[float, float]:
+    def range_wavenumbers(self, k: np.ndarray) -> tuple[float, float]:
         """Least and largest k_x of the band."""
         lo, hi = self.stopped
         nearest = 0.0 if lo < 0 < hi else min(abs(lo), abs(hi))
@@ -371,7 +372,7 @@ class DopplerBand:
         return k[0] * math.sqrt(1 - farthest ** 2), k[-1] * math.sqrt(1 - nearest ** 2)
 
 
-def choose_band(scene: SlantScene, k_max: float, azimuth_padding) -> DopplerBand:
+def choose_band(scene: SlantScene, k_max: float, azimuth_padding: float | None) -> DopplerBand:
     """Choose the length of the slow-time transform and the Doppler band.
 
     The grid's own band is extended by a guard on either side, over which the spectrum falls
@@ -402,13 +403,13 @@ def choose_band(scene: SlantScene, k_max: float, azimuth_padding) -> DopplerBand
                        float(np.interp(guard, _GUARDS, _GUARD_ERRORS_DB)), warning)
 
 
-def _fresnel_length(scene: SlantScene, sines, k_max: float) -> float:
+def _fresnel_length(scene: SlantScene, sines: tuple[float, float], k_max: float) -> float:
     """Part of the aperture over which the phase to a pixel turns by pi, as a sine."""
     nearest = 0.0 if sines[0] < 0 < sines[1] else min(map(abs, sines))
     return math.sqrt(2 * np.pi / k_max * (1 - nearest ** 2) ** 1.5 / scene.distance_m.min())
 
 
-def _room_for_guards(spacing_m: float, sines, fresnel: float, k_max: float
+def _room_for_guards(spacing_m: float, sines: tuple[float, float], fresnel: float, k_max: float
                      ) -> tuple[float, str | None]:
     """Width left for a guard on either side of the grid's own band, as a sine, and a warning.
 
@@ -439,7 +440,7 @@ def image_wavenumber(plan: WavenumberPlan, block: PulseBlock) -> np.ndarray:
     return slant.read(plan.grid, track, scale)
 
 
-def _transform(plan: WavenumberPlan, k_y, spectrum) -> SlantImage:
+def _transform(plan: WavenumberPlan, k_y: np.ndarray, spectrum: np.ndarray) -> SlantImage:
     """Reference of the scene centre, Stolt interpolation and inverse transform."""
     k, band, step = plan.wavenumbers, plan.band, plan.step
     nearest = band.range_wavenumbers(k)[0]
@@ -458,7 +459,7 @@ def _transform(plan: WavenumberPlan, k_y, spectrum) -> SlantImage:
                                     plan.centre_m)
 
 
-def _slow_time_spectrum(plan: WavenumberPlan, block: PulseBlock):
+def _slow_time_spectrum(plan: WavenumberPlan, block: PulseBlock) -> tuple[np.ndarray, np.ndarray]:
     """Slow-time transform, summed over the channels with their offsets along the track.
 
     Returns the k_u (I,) and the spectrum (I, K) complex128. The transform repeats itself in k_u:
@@ -501,7 +502,9 @@ class SlantImage:
     carrier: tuple[float, float]
 
     @classmethod
-    def from_spectrum(cls, spectrum, first, steps, centre_m) -> SlantImage:
+    def from_spectrum(cls, spectrum: np.ndarray, first: np.ndarray | tuple[float, float],
+                      steps: np.ndarray | tuple[float, float], centre_m: tuple[float, float]
+                      ) -> SlantImage:
         """Image ``sum_yx F_yx exp(j k_y (y - Y_c) + j k_x (x - X_c))``.
 
         Parameters
@@ -549,7 +552,7 @@ class SlantImage:
         return out
 
 
-def _kernel_response(frequency) -> np.ndarray:
+def _kernel_response(frequency: np.ndarray) -> np.ndarray:
     """Fourier transform of the kernel of `SlantImage.read` at cycles per sample."""
     kernel = _BY_NODE * _READ_TAPS / 2 * np.exp(_SHAPE * (np.sqrt(1 - _NODES ** 2) - 1))
     return np.cos(np.pi * _READ_TAPS * np.multiply.outer(frequency, _NODES)) @ kernel

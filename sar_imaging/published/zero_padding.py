@@ -57,7 +57,7 @@ class ZeroPadding(Method):
     NAME = 'zero-padding'
     OWN = {'interpolator': 'sinc', 'ratio': None, 'delay': 'exact'}
 
-    def plan(self, tx_m, rx_m) -> Report:
+    def plan(self, tx_m: np.ndarray, rx_m: np.ndarray) -> Report:
         """See `Method`."""
         return self.planned(plan_zero_padding(self.grid, self.radar, self.n_samples, tx_m, rx_m,
                                               target_db=self.options.target_db, **self.own))
@@ -113,7 +113,7 @@ class ZeroPaddingPlan(Plan):
         profiles = _COPIES * _SAMPLE_BYTES * self.echoes_per_pass * self.ratio * self.n_samples
         return profiles + math.prod(self.grid.shape) * (_POSITION_BYTES + _SUM_BYTES + IMAGE_BYTES)
 
-    def weights(self, position) -> np.ndarray:
+    def weights(self, position: np.ndarray) -> np.ndarray:
         """Weights of the neighbours of a place between two zero-padded samples.
 
         Parameters
@@ -128,7 +128,7 @@ class ZeroPaddingPlan(Plan):
         """
         return _weights(self.interpolator, position, self.ratio, self.radar)
 
-    def paths(self, tx_m, rx_m) -> list[np.ndarray]:
+    def paths(self, tx_m: np.ndarray, rx_m: np.ndarray) -> list[np.ndarray]:
         """Ends of the paths at which profiles are read, and of those whose phase is applied.
 
         Parameters
@@ -153,8 +153,8 @@ class ZeroPaddingPlan(Plan):
                 f'interpolation, delays: {self.delay}')
 
 
-def plan_zero_padding(grid: Grid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
-                      target_db: float = -60.0, interpolator: str = 'sinc',
+def plan_zero_padding(grid: Grid, radar: RadarParameters, n_samples: int, tx_m: np.ndarray,
+                      rx_m: np.ndarray, *, target_db: float = -60.0, interpolator: str = 'sinc',
                       ratio: int | None = None, delay: str = 'exact') -> ZeroPaddingPlan:
     """Plan an image from zero-padded profiles.
 
@@ -317,14 +317,14 @@ def image_zero_padded(plan: ZeroPaddingPlan, block: PulseBlock) -> np.ndarray:
     return image.astype(np.complex64).reshape(plan.grid.shape)
 
 
-def _padded(plan, profiles) -> np.ndarray:
+def _padded(plan: ZeroPaddingPlan, profiles: np.ndarray) -> np.ndarray:
     """(R, ratio L) complex64 profiles at `ratio` times their rate, equation 14."""
     workers = numba.get_num_threads()
     spectrum = scipy.fft.fft(np.asarray(profiles, np.complex64), axis=-1, workers=workers)
     return resampled_from_spectrum(spectrum, plan.ratio * plan.n_samples, workers=workers)
 
 
-def _carrier_at_samples(plan) -> np.ndarray:
+def _carrier_at_samples(plan: ZeroPaddingPlan) -> np.ndarray:
     """(ratio L,) complex64 ``exp(j w_c t)`` at the upsampled times, equation 15."""
     time_s = (plan.radar.first_sample_delay_s
               + np.arange(plan.ratio * plan.n_samples) / plan.rate_hz)
