@@ -18,6 +18,7 @@ import functools
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .interpolators import Interpolator, design_interpolator
 
@@ -48,7 +49,7 @@ def _kaiser_rise(beta: float) -> tuple[np.ndarray, np.ndarray]:
     return t, rise / rise[-1]
 
 
-def cosine_fall(place) -> np.ndarray:
+def cosine_fall(place: np.ndarray) -> np.ndarray:
     """Fall from 1 at place 0 and before it to 0 at place 1 and beyond, as a squared cosine."""
     return np.cos(0.5 * np.pi * np.clip(place, 0, 1)) ** 2
 
@@ -117,8 +118,8 @@ class PixelDensity:
 EVERYTHING = PixelDensity()
 
 
-def aliasing_error(n: int, n_guard: float, beta: float, frequency, place=None,
-                   density=(1.0,)) -> np.ndarray:
+def aliasing_error(n: int, n_guard: float, beta: float, frequency: np.ndarray,
+                   place: np.ndarray | None = None, density: ArrayLike = (1.0,)) -> np.ndarray:
     """Mean squared errors of interpolated exponentials, relative to their power.
 
     The coarse grid holds n bins, those between ``-(n // 2)`` and ``n - n // 2 - 1``. With the
@@ -180,7 +181,7 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency, place=None,
     return error @ (1 / np.bincount(group))[group]
 
 
-def _stretched(table, n: int) -> np.ndarray:
+def _stretched(table: np.ndarray, n: int) -> np.ndarray:
     """Errors by distance in bins of n cells from those in bins of fewer.
 
     Bins apart shrink, but not shares of a bin: from one to the next errors swing as the tails of
@@ -196,7 +197,7 @@ def _stretched(table, n: int) -> np.ndarray:
                   ).reshape(len(table), -1)
 
 
-def density_at(where, density, beyond: float | None = None) -> np.ndarray:
+def density_at(where: np.ndarray, density: ArrayLike, beyond: float | None = None) -> np.ndarray:
     """(...) density of what is wanted at places (...), 0 to 1 from guard to guard.
 
     `density`, (B,), tells it for equal shares of that; `beyond` is the value before the middle of
@@ -206,7 +207,7 @@ def density_at(where, density, beyond: float | None = None) -> np.ndarray:
     return np.interp(where, middle, density, beyond, beyond)
 
 
-def _on_grid(place, edge: float) -> np.ndarray:
+def _on_grid(place: np.ndarray, edge: float) -> np.ndarray:
     """Places of a table, 0 to 1, on a grid whose edges it stands for: `edge` is its share."""
     return np.where(place < 0.5, place * edge, 1 - (1 - place) * edge)
 

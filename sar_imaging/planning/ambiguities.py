@@ -31,8 +31,9 @@ _LEAST_DB = -20.0  # of a ghost that is told, spread as it is
 _LEAST_ACROSS = 0.1  # sine of the angle between track and look, below which nothing is told
 
 
-def azimuth_warnings(points_m, tx_m, rx_m, radar: RadarParameters,
-                     illumination: Illumination | None = None) -> tuple[str, ...]:
+def azimuth_warnings(points_m: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray,
+                     radar: RadarParameters, illumination: Illumination | None = None
+                     ) -> tuple[str, ...]:
     """Say where scatterers within a scene have ghosts within it, along the track.
 
     Parameters
@@ -95,7 +96,8 @@ def azimuth_warnings(points_m, tx_m, rx_m, radar: RadarParameters,
             'or less, or image a narrower grid',)
 
 
-def _middle_of_track(centre_m, radar) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _middle_of_track(centre_m: np.ndarray, radar: RadarParameters
+                     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Direction of a track, (3,), places of all echoes along it, metres, and some in its middle.
 
     Of echoes at one place one stands for all.
@@ -108,7 +110,7 @@ def _middle_of_track(centre_m, radar) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return track, along, some[first:first + _ECHOES]
 
 
-def _rest_of_scene(seen_m, across) -> np.ndarray:
+def _rest_of_scene(seen_m: np.ndarray, across: np.ndarray) -> np.ndarray:
     """(S,) how far a scene goes on along the track beyond each of its places, at its range.
 
     Sines of directions, seen from the track; `across`, (3,), is the track's part that is
@@ -122,7 +124,7 @@ def _rest_of_scene(seen_m, across) -> np.ndarray:
     return last[ranges] - direction
 
 
-def _brightest(level, n_cells) -> tuple[int | None, float]:
+def _brightest(level: np.ndarray, n_cells: np.ndarray) -> tuple[int | None, float]:
     """Place of the brightest ghost and its level, dB, spread over cells; none of faint ones."""
     lobes = np.flatnonzero((level[1:-1] >= level[:-2]) & (level[1:-1] > level[2:])
                            & (level[1:-1] > _GHOST)) + 1
@@ -132,7 +134,7 @@ def _brightest(level, n_cells) -> tuple[int | None, float]:
     return place, 20 * math.log10(level[place]) - 10 * math.log10(n_cells[place])
 
 
-def _apart(ends, tx_m, rx_m) -> np.ndarray:
+def _apart(ends: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray) -> np.ndarray:
     """(R, N) float32 by how much half paths to the first of two places are longer, metres.
 
     Places, (2, N, 3), and phase centres are counted from nearby: the difference of two squares of
@@ -150,7 +152,8 @@ def _apart(ends, tx_m, rx_m) -> np.ndarray:
     return found / len(centres)
 
 
-def _ghosts(apart, weight, radar) -> tuple[np.ndarray, np.ndarray]:
+def _ghosts(apart: np.ndarray, weight: np.ndarray, radar: RadarParameters
+            ) -> tuple[np.ndarray, np.ndarray]:
     """(N,) amplitudes at places of scatterers at others, and over how many ranges.
 
     Paths to both differ by `apart`, (R, N) metres; `weight`, broadcast to that, is that of the
@@ -163,7 +166,7 @@ def _ghosts(apart, weight, radar) -> tuple[np.ndarray, np.ndarray]:
     return response, 1 + np.ptp(apart, axis=0) / radar.range_resolution_m
 
 
-def flight_warnings(place_m, block: PulseBlock, pattern: AntennaPattern | None
+def flight_warnings(place_m: np.ndarray, block: PulseBlock, pattern: AntennaPattern | None
                     ) -> tuple[str, ...]:
     """Say whether echoes of other pulses fall onto a scene, (1, 3) a place of it, metres.
 

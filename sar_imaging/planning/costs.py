@@ -95,7 +95,7 @@ class CostModel:
     beam_run: float = 25.0
     image: float = 6.5e5
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, value in dataclasses.asdict(self).items():
             if not (isinstance(value, int | float) and math.isfinite(value) and value > 0):
                 raise ValueError(f'{name}={value!r}; expected a positive number of nanoseconds')

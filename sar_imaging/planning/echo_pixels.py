@@ -13,12 +13,16 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..geometry.grids import below, spread_evenly
 from ..geometry.half_paths import pair_lengths
 from ..geometry.illumination import Illumination
+
+if TYPE_CHECKING:
+    from .profiles import RangeGate
 
 MOST_PAIRS = 1 << 17
 LEAST_DB = -160.0
@@ -59,9 +63,9 @@ class EchoPixels:
     share: float
 
     @classmethod
-    def draw(cls, illumination: Illumination, positions: Callable, shape: tuple[int, ...],
-             beside: tuple[int, ...] = (), most: int = MOST_PAIRS, *, flat: bool = True
-             ) -> EchoPixels:
+    def draw(cls, illumination: Illumination, positions: Callable[..., np.ndarray],
+             shape: tuple[int, ...], beside: tuple[int, ...] = (), most: int = MOST_PAIRS, *,
+             flat: bool = True) -> EchoPixels:
         """Draw pairs.
 
         Parameters
@@ -129,11 +133,11 @@ class EchoPixels:
             return 0.0
         return self.share * float(np.sum(self.amplitude ** 2)) / n_illuminated
 
-    def amplitude_at(self, points_m) -> np.ndarray:
+    def amplitude_at(self, points_m: np.ndarray) -> np.ndarray:
         """(n, ...) amplitudes of the echoes, each at points (n, ..., 3), metres."""
         return self.illumination.of_pairs(self.echoes, points_m)
 
-    def error(self, wrong, weight=1.0) -> float:
+    def error(self, wrong: np.ndarray, weight: float | np.ndarray = 1.0) -> float:
         """Mean of squared errors over that of the amplitude, and twice its standard error.
 
         `wrong`, (n,), are the errors' squares, `weight`, (n,), shares of the echoes in the power
@@ -141,7 +145,8 @@ class EchoPixels:
         """
         return bounded_ratio(weight * wrong, weight * self.amplitude ** 2)
 
-    def ends_db(self, window, oversampling: float, tx_m, rx_m) -> float:
+    def ends_db(self, window: RangeGate, oversampling: float, tx_m: np.ndarray, rx_m: np.ndarray
+                ) -> float:
         """Error because profiles end, dB; NaN where they leave nothing `predictable`.
 
         Arguments as of `RangeGate.end_error` and `Echoes`.
@@ -153,12 +158,12 @@ class EchoPixels:
         return 10 * math.log10(bounded_ratio(window.end_error(length, oversampling) * power, power)
                                + 10 ** (LEAST_DB / 10))
 
-    def error_db(self, wrong, weight=1.0) -> float:
+    def error_db(self, wrong: np.ndarray, weight: float | np.ndarray = 1.0) -> float:
         """`error` in dB, `LEAST_DB` at least."""
         return 10 * math.log10(self.error(wrong, weight) + 10 ** (LEAST_DB / 10))
 
 
-def bounded_ratio(wrong, power) -> float:
+def bounded_ratio(wrong: np.ndarray, power: np.ndarray) -> float:
     """Sum of squared errors over that of powers, (n,) of pairs, and twice its standard error."""
     wrong = np.nan_to_num(wrong)
     total, missed = power.sum(), wrong.sum()
@@ -170,8 +175,9 @@ def bounded_ratio(wrong, power) -> float:
     return ratio + _STANDARD_ERRORS * math.sqrt(((wrong - ratio * power) ** 2).sum()) / total
 
 
-def _cells_to_draw(illumination: Illumination, positions: Callable, shape, beside,
-                   flat: bool) -> tuple[np.ndarray, ...]:
+def _cells_to_draw(illumination: Illumination, positions: Callable[..., np.ndarray],
+                   shape: tuple[int, ...], beside: tuple[int, ...], flat: bool
+                   ) -> tuple[np.ndarray, ...]:
     """Echoes, and numbers of cells along each axis, of which pairs may be lit or beside lit ones.
 
     (N,) int64 each. An image has `_CELLS` cells along each axis.

@@ -11,9 +11,11 @@ is read of the others decides it. The noise of all echoes is alike.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..geometry.half_paths import half_paths
 from ..signal.radar import RadarParameters
@@ -27,7 +29,8 @@ _ALIKE = 0.8  # brightness of the faintest place over the others', above which n
 _LONELY = 0.4  # share of an echo, half of it at the ends of tracks, below which noise tells more
 
 
-def echo_power(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndarray:
+def echo_power(tx_m: np.ndarray, rx_m: np.ndarray, centre_m: ArrayLike, sides_m: ArrayLike,
+               radar: RadarParameters) -> np.ndarray:
     """(R,) float64 share that each echo has in the power of an image, relative to the mean.
 
     It is the number of echoes whose local frequencies in the image differ by less than the image
@@ -38,7 +41,8 @@ def echo_power(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndar
     return count / count.mean()
 
 
-def echo_powers(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.ndarray:
+def echo_powers(tx_m: np.ndarray, rx_m: np.ndarray, centre_m: ArrayLike, sides_m: ArrayLike,
+                radar: RadarParameters) -> np.ndarray:
     """(W, R) float64 shares as of `echo_power`, and in other scenes: W is 1 to 3.
 
     Speckle gives each of N resolved ranges an exponentially distributed power, and what a place
@@ -58,7 +62,8 @@ def echo_powers(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> np.nda
     return np.stack([power / power.mean() for power in powers])
 
 
-def echoes_alike(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> float:
+def echoes_alike(tx_m: np.ndarray, rx_m: np.ndarray, centre_m: ArrayLike, sides_m: ArrayLike,
+                 radar: RadarParameters) -> float:
     """Mean number of echoes whose local frequencies an image does not tell apart, 1 at least.
 
     Arguments as of `echo_power`.
@@ -67,7 +72,8 @@ def echoes_alike(tx_m, rx_m, centre_m, sides_m, radar: RadarParameters) -> float
     return max(float(count.sum() / alone.sum()), 1.0)
 
 
-def _echoes_alike(tx_m, rx_m, centre_m, sides_m, radar) -> tuple[np.ndarray, np.ndarray, float]:
+def _echoes_alike(tx_m: np.ndarray, rx_m: np.ndarray, centre_m: ArrayLike, sides_m: ArrayLike,
+                  radar: RadarParameters) -> tuple[np.ndarray, np.ndarray, float]:
     """How many echoes see a scene alike, and in how many ranges it is resolved.
 
     (R,) numbers up to a factor that is the same for all of a place, and the factor, (R,).
@@ -96,7 +102,7 @@ def _echoes_alike(tx_m, rx_m, centre_m, sides_m, radar) -> tuple[np.ndarray, np.
     return count, alone, band
 
 
-def spread_frequencies(frequency, spread: float) -> np.ndarray:
+def spread_frequencies(frequency: np.ndarray, spread: float) -> np.ndarray:
     """Frequencies along direction of echoes whose amplitude varies with it.
 
     Parameters
@@ -117,7 +123,9 @@ def spread_frequencies(frequency, spread: float) -> np.ndarray:
     return np.concatenate([*[frequency] * 4, frequency - beside, frequency + beside])
 
 
-def tail_error(spread: AmplitudeSpread, frequency, error_at, echoes=slice(None)) -> float:
+def tail_error(spread: AmplitudeSpread, frequency: np.ndarray,
+               error_at: Callable[[np.ndarray], np.ndarray],
+               echoes: np.ndarray | slice = slice(None)) -> float:
     """Mean error of the faint frequencies of echoes' amplitudes, relative to their power.
 
     Of some echoes of even amplitude the frequencies are (K, R, S) float64, radians per unit of

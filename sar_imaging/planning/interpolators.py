@@ -21,6 +21,7 @@ import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -95,7 +96,7 @@ class Interpolator:
         """
         return _shifted(self.weights.astype(np.float64), 0.5).astype(np.float32)
 
-    def gain(self, frequency) -> np.ndarray:
+    def gain(self, frequency: np.ndarray) -> np.ndarray:
         """(F,) by what spectra of samples are to be multiplied for the least error in the band.
 
         Of frequencies (F,) from -0.5 to 0.5 cycles per sample. Nearly 1 unless the interpolator
@@ -103,7 +104,7 @@ class Interpolator:
         """
         return np.exp(np.interp(np.abs(frequency), _frequencies(), self._log_gain))
 
-    def error_at(self, frequency) -> np.ndarray:
+    def error_at(self, frequency: float | np.ndarray) -> np.ndarray:
         """(...) mean squared error over the interval, relative to power, of frequencies (...).
 
         Cycles per sample; 2 where one is beyond what samples can hold.
@@ -115,7 +116,7 @@ class Interpolator:
         place = np.minimum(place, last)
         return self._errors.take(place.astype(np.intp))
 
-    def error_of_chirps(self, frequency, chirp) -> np.ndarray:
+    def error_of_chirps(self, frequency: np.ndarray, chirp: np.ndarray) -> np.ndarray:
         """(K, ...) as `error_at`, of tones whose phase also bends by ``chirp n^2`` at sample n.
 
         `chirp` is (...), radians; 2 where one is beyond what is known.
@@ -139,7 +140,7 @@ class Interpolator:
         root[..., share > 1] = 2.0
         return root
 
-    def mean_error_db(self, frequency, weight) -> float:
+    def mean_error_db(self, frequency: np.ndarray, weight: np.ndarray) -> float:
         """Mean error of K wavenumbers, R echoes and S places, dB.
 
         Frequencies are (K, R, S), cycles per sample, weights of the echoes (R,), or (W, R) for
@@ -148,7 +149,7 @@ class Interpolator:
         error = self.error_at(frequency).mean(axis=(0, 2))
         return 10 * math.log10(float((weight @ error / weight.sum(axis=-1)).max()) + 1e-16)
 
-    def error_with_drift(self, drift) -> np.ndarray:
+    def error_with_drift(self, drift: float | np.ndarray) -> np.ndarray:
         """(...) mean squared error where positions begin anywhere and drift evenly.
 
         Over the band, relative to the signal's power; `drift`, (...), is the furthest in either
@@ -213,7 +214,8 @@ class Interpolator:
                 0.5 * _nodes()[1])
         return np.sqrt(errors)
 
-    def _read(self, frequency, position=None) -> tuple[np.ndarray, np.ndarray]:
+    def _read(self, frequency: np.ndarray, position: np.ndarray | None = None
+              ) -> tuple[np.ndarray, np.ndarray]:
         """Tones as read at positions, those of the quadrature if left out, and as they are.
 
         Real and imaginary parts, (2, F, T), seen from the middle of the interval.
@@ -261,7 +263,8 @@ def design_interpolator(oversampling: float, margin: float = 0.0, *, taps: int =
 
 
 @functools.lru_cache(maxsize=256)
-def _design(oversampling, margin, taps, degree, deapodised):
+def _design(oversampling: float, margin: float, taps: int, degree: int, deapodised: bool
+            ) -> Interpolator:
     # Real weights are as good at negative frequencies as at positive ones.
     x, fw = _nodes()
     f = (1 + x) / (4 * oversampling)
@@ -297,17 +300,18 @@ def _frequencies() -> np.ndarray:
 
 
 @functools.cache
-def _nodes():
+def _nodes() -> tuple[np.ndarray, np.ndarray]:
     """Nodes from -1 to 1, and weights, of the quadrature."""
     return np.polynomial.legendre.leggauss(_NODES)
 
 
-def _real_imag(values) -> np.ndarray:
+def _real_imag(values: np.ndarray) -> np.ndarray:
     """Real and imaginary parts, (2, ...)."""
     return np.stack([values.real, values.imag])
 
 
-def _first_gain(samples, place, t, oversampling) -> np.ndarray:
+def _first_gain(samples: np.ndarray, place: np.ndarray, t: np.ndarray, oversampling: float
+                ) -> np.ndarray:
     """To start from: that of a Kaiser-Bessel window, which rolls off most steeply."""
     taps = len(place)
     beta = np.pi * taps * (1 - 0.5 / oversampling)
@@ -316,13 +320,13 @@ def _first_gain(samples, place, t, oversampling) -> np.ndarray:
     return 1 / np.abs(samples @ window).mean(axis=1)
 
 
-def _best_gain(read, wanted, weight) -> np.ndarray:
+def _best_gain(read: np.ndarray, wanted: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Real gains, by frequency, with which values read are nearest to those wanted."""
     along, squared = (np.einsum('pft,pft,t->f', read, v, weight) for v in (wanted, read))
     return along / squared
 
 
-def _shifted(weights, shift: float) -> np.ndarray:
+def _shifted(weights: np.ndarray, shift: float) -> np.ndarray:
     """Coefficients of p(t + shift) by powers of t, given those of p(t)."""
     result = np.zeros_like(weights)
     for q in range(len(weights)):
@@ -337,7 +341,7 @@ _ROUNDED_DB = 0.01  # of what is kept
 
 
 @functools.cache
-def known_errors() -> dict[str, dict[str, list]]:
+def known_errors() -> dict[str, dict[str, list[Any]]]:
     """Errors of many interpolators, dB: designing them takes seconds.
 
     ``'lines'`` by taps: of degree 5 for oversampling 1.1, 1.12 and so on. ``'profiles'`` by
@@ -361,7 +365,7 @@ def _first_sufficient(error_db: float, taps: int = TAPS, degree: int = POINT_DEG
         (n for n, db in enumerate(known) if db <= error_db + _ROUNDED_DB), len(known))
 
 
-def sufficient_interpolators(error_db: float, **kind) -> Iterator[Interpolator]:
+def sufficient_interpolators(error_db: float, **kind: Any) -> Iterator[Interpolator]:
     """Interpolators that reach an error, dB, from that for the coarsest sampling on.
 
     `kind` is as of `design_interpolator`.
@@ -372,8 +376,8 @@ def sufficient_interpolators(error_db: float, **kind) -> Iterator[Interpolator]:
             yield found
 
 
-def fitting_interpolator(frequency, weight, half: float, wanted_db: float, **kind
-                         ) -> tuple[Interpolator | None, float]:
+def fitting_interpolator(frequency: np.ndarray, weight: np.ndarray, half: float, wanted_db: float,
+                         **kind: Any) -> tuple[Interpolator | None, float]:
     """Interpolator for the coarsest sampling that reads frequencies well, and its mean error, dB.
 
     `frequency` and `weight` as of `Interpolator.mean_error_db`, but radians per unit of place:

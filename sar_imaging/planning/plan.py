@@ -62,13 +62,13 @@ class Plan:
         total = total_db(*self.errors_db.values())
         return total if total == total else None
 
-    def __eq__(self, other) -> bool:
+    def __eq__(self, other: object) -> bool:
         return type(self) is type(other) and _same(self, other)
 
     __hash__ = None
 
 
-def _same(a, b) -> bool:
+def _same(a: object, b: object) -> bool:
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         return np.array_equal(a, b, equal_nan=np.asarray(a).dtype.kind in 'fc')
     if type(a) is not type(b):

@@ -105,10 +105,10 @@ class PolarCover:
         return self.along.oversampling, self.between.oversampling
 
 
-def cover_map(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
-              polar_to_map_db: float, profiles_db: float, band: PhaseHistory | None = None, *,
-              fused: bool = False, illumination: Illumination | None = None
-              ) -> PolarCover | None:
+def cover_map(grid: MapGrid, tx_m: np.ndarray, rx_m: np.ndarray, radar: RadarParameters,
+              n_samples: int, polar_to_map_db: float, profiles_db: float,
+              band: PhaseHistory | None = None, *, fused: bool = False,
+              illumination: Illumination | None = None) -> PolarCover | None:
     """Cover a map by a polar grid around the aperture.
 
     None where the map is tiny, too near, all around, or not ahead of the aperture.
@@ -199,7 +199,7 @@ class _HalfPaths(NamedTuple):
     spread: AmplitudeSpread
 
     @classmethod
-    def of(cls, grid: MapGrid, frame: PolarGrid, axis: int, tx_m, rx_m,
+    def of(cls, grid: MapGrid, frame: PolarGrid, axis: int, tx_m: np.ndarray, rx_m: np.ndarray,
            illumination: Illumination | None) -> _HalfPaths | None:
         """As echoes see a map in polar coordinates; None where ranges do not grow everywhere."""
         r, alpha = frame.from_map(*(v.ravel() for v in np.meshgrid(
@@ -235,7 +235,7 @@ class _HalfPaths(NamedTuple):
         return lo - slack, hi + slack
 
 
-def _frame(grid: MapGrid, centres) -> tuple[PolarGrid, int] | None:
+def _frame(grid: MapGrid, centres: np.ndarray) -> tuple[PolarGrid, int] | None:
     """Polar coordinates as those of one pixel, and the axis of the second pass.
 
     None when the map is not ahead.
@@ -262,7 +262,7 @@ def _frame(grid: MapGrid, centres) -> tuple[PolarGrid, int] | None:
     return frame, axis
 
 
-def _ranges_for_fusion(spacing: float, extent: float, radar: RadarParameters, slope
+def _ranges_for_fusion(spacing: float, extent: float, radar: RadarParameters, slope: np.ndarray
                        ) -> tuple[float, tuple[int, int]]:
     """Spacing of the ranges of the fused image, and the fewest ranges of a sub-aperture image.
 
@@ -278,7 +278,8 @@ def _ranges_for_fusion(spacing: float, extent: float, radar: RadarParameters, sl
                          (1, 1))
 
 
-def _cover(grid, frame, axis, spacing, half_alpha, between) -> PolarGrid | None:
+def _cover(grid: MapGrid, frame: PolarGrid, axis: int, spacing: float, half_alpha: float,
+           between: Interpolator) -> PolarGrid | None:
     """Polar grid that reaches `margin` pixels beyond the map, and beyond what its lines read."""
     before, beside = margin(TAPS), margin(between.n_taps)
     r, alpha = edge_positions(grid, frame.origin_m, frame.track, axis, before * spacing)

@@ -68,7 +68,7 @@ def row_length(least: int, times: tuple[int, ...] = (1,)) -> int:
     The shorter the better, since everything else takes time by the length, too. Multiples that
     are wanted as well are as quick.
     """
-    def cost(n):
+    def cost(n: int) -> float:
         return n * sum(t * (_COST_ROW + _row_cost(*row_shape(t * n))) for t in times)
 
     lengths = [n for n in smooth_lengths(least, _LONGER_ROW)
