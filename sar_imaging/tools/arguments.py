@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from sar_imaging.geometry.earth import Datum
@@ -90,7 +90,8 @@ def memory_bytes(arguments: argparse.Namespace) -> float:
     return arguments.memory * 1e9
 
 
-def check_count(name: str, values, least: int, most: int, meaning: str) -> None:
+def check_count(name: str, values: Sequence[float] | None, least: int, most: int, meaning: str
+                ) -> None:
     """Refuse another number of numbers, and what is not finite; None is not given.
 
     Raises

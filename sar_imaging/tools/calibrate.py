@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sar_imaging.exploitation.calibration import (
     balance_channels,
@@ -40,8 +41,8 @@ class CalibrationFailed(RuntimeError):
     """A calibration cannot be estimated from this recording."""
 
 
-def calibrate(block: PulseBlock, grid: MapGrid, *, reflector_m=None, find: bool = False,
-              delays: bool = True) -> tuple[ChannelCalibration, str]:
+def calibrate(block: PulseBlock, grid: MapGrid, *, reflector_m: ArrayLike | None = None,
+              find: bool = False, delays: bool = True) -> tuple[ChannelCalibration, str]:
     """Estimate the errors of the channels of one aperture.
 
     Parameters

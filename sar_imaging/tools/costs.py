@@ -177,7 +177,7 @@ class _Experiments:
     Samples and images lie on a device beforehand, and the way there is timed by itself.
     """
 
-    def __init__(self, name: str):
+    def __init__(self, name: str) -> None:
         there = name == CUDA
         self._backend, self._scenes = backend(name), DEVICE if there else PROCESSOR
         self._like = self._backend.to_device(np.zeros((1, 1), np.complex64)) if there else None
@@ -194,13 +194,13 @@ class _Experiments:
 
     def _experiment(self, name: str, operations: Mapping[str, float],
                     work: Callable[[], object]) -> Experiment:
-        def run():
+        def run() -> None:
             work()
             self._finish()
 
         return Experiment(name, operations, run)
 
-    def _placed(self, array):
+    def _placed(self, array: np.ndarray) -> np.ndarray:
         """An array where the backend works."""
         return alike(array, self._like)
 
@@ -209,7 +209,7 @@ class _Experiments:
         entry, shape = self._backend.Backprojection(plan), plan.grid.shape
         rows = self._placed(block.samples[:, 0]), plan.tx_m, plan.rx_m
 
-        def work():
+        def work() -> None:
             check_memory(_SAMPLE_BYTES * math.prod(shape), 'an image', 'choose a smaller one')
             entry.add(*rows, zeros_beside(shape, self._like))
 
@@ -255,6 +255,7 @@ class _Experiments:
                     route = plan_groups(*where, target_db, some)
                     found = dataclasses.replace(plan, route=route)
                     yield self._exact(f'{some[0]} groups of {some[1]} parts', found, block)
+            assert route is not None  # of such scenes
             resampling = dataclasses.replace(route.resampling, segment=16)
             short = dataclasses.replace(route.maps[0], resampling=resampling)
             yield self._exact('groups of short segments', dataclasses.replace(
@@ -337,7 +338,7 @@ class _Experiments:
         counts = stage.fusion_operations
         counts[FUSION_OVERHEAD] = counts.pop('subaperture')
 
-        def work():
+        def work() -> None:
             brightness = EdgeBrightness(grid, sampling.coverage)
             fusion.clear()
             for number, centre in enumerate(sampling.centre):
@@ -374,7 +375,7 @@ class _Experiments:
                 lambda samples=samples: self._backend.to_host(self._backend.to_device(samples)))
 
 
-def _planned(scene: TimedMap, **costs) -> tuple[BackprojectionPlan, PulseBlock]:
+def _planned(scene: TimedMap, **costs: float) -> tuple[BackprojectionPlan, PulseBlock]:
     """Plan of an exact image with other costs, and the pulses."""
     block = scene.block()
     with using(dataclasses.replace(DEFAULT, **costs)):

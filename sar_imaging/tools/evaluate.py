@@ -18,6 +18,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rclpy
@@ -166,7 +167,7 @@ class _Result:
     grid: MapGrid
     counters: dict[str, dict[str, int]]
     predicted_error_db: float | None
-    autofocus: dict | None
+    autofocus: dict[str, Any] | None
 
 
 def _replay(recording: Recording, arguments: argparse.Namespace, names: Sequence[str],
@@ -295,7 +296,7 @@ def _same(a: MapGrid, b: MapGrid) -> bool:
             and math.isclose(a.spacing_m, b.spacing_m, rel_tol=1e-6))
 
 
-def _measure(recording: Recording, result: _Result, grid: MapGrid) -> dict:
+def _measure(recording: Recording, result: _Result, grid: MapGrid) -> dict[str, Any]:
     """Contents of quality.json."""
     truth = recording.truth or {}
     buffer, entry = result.counters['pulse_buffer'], next(iter(result.counters))
@@ -321,7 +322,8 @@ def _measure(recording: Recording, result: _Result, grid: MapGrid) -> dict:
     }
 
 
-def _on_the_earth(datum: Datum | None, scatterer: ScattererQuality, grid: MapGrid) -> dict:
+def _on_the_earth(datum: Datum | None, scatterer: ScattererQuality, grid: MapGrid
+                  ) -> dict[str, Any]:
     """Latitude and longitude of a peak, where the recording says where its frame stands."""
     if datum is None or not math.isfinite(scatterer.peak_x_m):
         return {}
@@ -331,7 +333,7 @@ def _on_the_earth(datum: Datum | None, scatterer: ScattererQuality, grid: MapGri
 
 
 def _measure_one(recording: Recording, result: _Result, grid: MapGrid,
-                 scatterer: dict) -> ScattererQuality:
+                 scatterer: dict[str, Any]) -> ScattererQuality:
     half_width = recording.truth['cut_half_width_m']
     return measure_scatterer(
         result.received.image, grid, scatterer['position_m'],

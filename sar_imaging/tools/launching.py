@@ -14,11 +14,16 @@ import shutil
 import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sar_imaging.configuration.parameters import load_tree
 from sar_imaging.configuration.settings import MODES
 
 from .node_processes import node_names, profile_variable
+
+if TYPE_CHECKING:
+    from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
+    from launch.events.process import ProcessExited
 
 CONFIG = Path(str(importlib.resources.files('sar_imaging') / 'config'))
 RECORDED_TOPICS = ('/pulses', '/odometry', '/pose', '/fix', '/imu')
@@ -73,7 +78,7 @@ def configured_mode(config: Path) -> str:
     return _configured_mode(load_tree(config))
 
 
-def _configured_mode(tree) -> str:
+def _configured_mode(tree: object) -> str:
     """Value of the last parameter `mode` in a parameter file, empty without one."""
     mode = ''
     for key, value in tree.items() if isinstance(tree, dict) else ():
@@ -166,7 +171,7 @@ def _number(name: str, text: str, least: float) -> str:
     return text
 
 
-def describe(*, pipeline: bool, replay: bool = False):
+def describe(*, pipeline: bool, replay: bool = False) -> LaunchDescription:
     """Launch description: check the configuration, then start the nodes.
 
     Parameters
@@ -190,7 +195,8 @@ def describe(*, pipeline: bool, replay: bool = False):
         OpaqueFunction(function=_start, args=[[name for name, *_ in table], pipeline, replay])])
 
 
-def _start(context, names, pipeline, replay):
+def _start(context: LaunchContext, names: list[str], pipeline: bool, replay: bool
+           ) -> list[LaunchDescriptionEntity]:
     """Actions for the arguments of a running launch: a mistake in them ends it before a start.
 
     All of them are returned at once: nodes are made in the scope of the group that includes the
@@ -226,7 +232,7 @@ def _localization(folder: str) -> dict[str, list[str]]:
     return {'localization': ['-p', f'map.folder:={Path(folder).expanduser().absolute()}']}
 
 
-def _check(context, config, ros_arguments):
+def _check(context: LaunchContext, config: Path, ros_arguments: list[str]) -> None:
     """Run check_config by its own Python, which may be that of a virtual environment."""
     from launch.logging import get_logger
     from launch_ros.substitutions import ExecutableInPackage
@@ -240,7 +246,8 @@ def _check(context, config, ros_arguments):
     _require(checked.returncode == 0, f'{config} cannot work, see the errors above')
 
 
-def _replayed(context, arguments, nodes):
+def _replayed(context: LaunchContext, arguments: Mapping[str, str], nodes: Sequence[str]
+              ) -> list[LaunchDescriptionEntity]:
     """Actions that play a recording to where the nodes listen, once all of them are active."""
     from launch.actions import ExecuteProcess, RegisterEventHandler
     from launch.event_handlers import OnProcessExit
@@ -260,11 +267,11 @@ def _replayed(context, arguments, nodes):
     player = ExecuteProcess(cmd=command, output='screen',
                             additional_env=profile_variable(context.environment))
 
-    def ready(event, context):
+    def ready(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
         _require(event.returncode == 0, 'the nodes did not become active')
         return [player]
 
-    def played(event, context):
+    def played(event: ProcessExited, context: LaunchContext) -> None:
         _require(event.returncode == 0, f'{" ".join(command)} failed')
 
     return [wait, RegisterEventHandler(OnProcessExit(target_action=wait, on_exit=ready)),

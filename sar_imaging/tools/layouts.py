@@ -12,6 +12,7 @@ import importlib.resources
 import json
 import math
 import sys
+from typing import Any
 
 import yaml
 
@@ -84,7 +85,7 @@ def _in_namespace(topic: str, namespace: str) -> str:
     return topic if not name or topic in _SHARED else f'/{name}{topic}'
 
 
-def rviz_layout(grid: MapGrid, frame: str, namespace: str = '') -> dict:
+def rviz_layout(grid: MapGrid, frame: str, namespace: str = '') -> dict[str, Any]:
     """The shipped configuration of RViz, moved to a grid.
 
     Parameters
@@ -123,7 +124,7 @@ def rviz_layout(grid: MapGrid, frame: str, namespace: str = '') -> dict:
     return layout
 
 
-def foxglove_layout(grid: MapGrid, frame: str, namespace: str = '') -> dict:
+def foxglove_layout(grid: MapGrid, frame: str, namespace: str = '') -> dict[str, Any]:
     """The shipped layout of Foxglove, moved to a grid; parameters as `rviz_layout`."""
     layout = json.loads(_shipped('sar_imaging.foxglove.json'))
     extent, cell = _extent(grid), _cell(_extent(grid))

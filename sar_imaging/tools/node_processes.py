@@ -17,6 +17,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import sar_imaging
 from sar_imaging.configuration.antenna import antenna_parameters
@@ -46,8 +47,8 @@ def node_names(mode: str, *, pipeline: bool) -> tuple[str, ...]:
     return AFBP_NODES if mode == 'subapertures' else NODES
 
 
-def parameters_from_truth(truth: Mapping, mode: str = 'image', *,
-                          pattern_file: str = '') -> dict[str, dict]:
+def parameters_from_truth(truth: Mapping[str, Any], mode: str = 'image', *,
+                          pattern_file: str = '') -> dict[str, dict[str, Any]]:
     """Parameters of the nodes for a recording.
 
     Parameters
@@ -83,14 +84,15 @@ def parameters_from_truth(truth: Mapping, mode: str = 'image', *,
     }
 
 
-def _antenna_parameters(truth: Mapping, pattern_file: str) -> tuple[dict, dict]:
+def _antenna_parameters(truth: Mapping[str, Any], pattern_file: str
+                        ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Parameters of pulse_buffer and backprojection for a recording that tells its antenna."""
     antenna, mount = (kind.from_dict(truth[name]) if name in truth else None
                       for name, kind in (('antenna', Antenna), ('mount', Mount)))
     return antenna_parameters(antenna, mount, pattern_file)
 
 
-def _datum_parameters(truth: Mapping) -> dict:
+def _datum_parameters(truth: Mapping[str, Any]) -> dict[str, Any]:
     """Parameters for a recording that says where on the Earth its frame stands."""
     if 'datum' not in truth:
         return {}
@@ -98,7 +100,7 @@ def _datum_parameters(truth: Mapping) -> dict:
         f'datum.{name}': float(value) for name, value in truth['datum'].items()}
 
 
-def _alignment_parameters(truth: Mapping) -> dict:
+def _alignment_parameters(truth: Mapping[str, Any]) -> dict[str, Any]:
     """Parameters for a recording whose positions come from odometry."""
     if 'alignment' not in truth:
         return {}
@@ -111,15 +113,15 @@ def _alignment_parameters(truth: Mapping) -> dict:
             'antenna.rx': [float(v) for arm in alignment['rx_m'] for v in arm]}
 
 
-def pipeline_parameters(parameters: Mapping[str, Mapping]) -> dict[str, dict]:
+def pipeline_parameters(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
     """Parameters of the separate nodes as those of sar_pipeline, which has all of them."""
-    merged: dict = {}
+    merged: dict[str, Any] = {}
     for values in parameters.values():
         merged |= values
     return dict.fromkeys(PIPELINE, merged)
 
 
-def write_parameters(path: Path, parameters: Mapping[str, Mapping]) -> None:
+def write_parameters(path: Path, parameters: Mapping[str, Mapping[str, Any]]) -> None:
     """Write a ROS parameter file that applies in every namespace.
 
     Parameters
@@ -213,10 +215,10 @@ class NodeProcesses:
         Further parameter files, which count over `parameters`, the last one most.
     """
 
-    def __init__(self, parameters: Mapping[str, Mapping], folder: Path,
+    def __init__(self, parameters: Mapping[str, Mapping[str, Any]], folder: Path,
                  environment: Mapping[str, str], *,
                  arguments: Mapping[str, list[str]] | None = None, namespace: str = '',
-                 nodes: Sequence[str] = NODES, files: Sequence[Path] = ()):
+                 nodes: Sequence[str] = NODES, files: Sequence[Path] = ()) -> None:
         self._folder = Path(folder)
         self._folder.mkdir(parents=True, exist_ok=True)
         self._environment = dict(environment)
@@ -226,7 +228,7 @@ class NodeProcesses:
         write_parameters(written, parameters)
         self._files = [word for path in ((written,) if parameters else ()) + tuple(files)
                        for word in ('--params-file', str(path))]
-        self._processes: dict[str, subprocess.Popen] = {}
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._nodes = nodes
         for name in nodes:
             with replacing(self.log_file(name)) as log:
@@ -241,7 +243,7 @@ class NodeProcesses:
             raise
         return self
 
-    def __exit__(self, *exception) -> None:
+    def __exit__(self, *exception: object) -> None:
         self.stop_all()
 
     def start(self, name: str) -> None:
@@ -292,7 +294,7 @@ class NodeProcesses:
         except subprocess.TimeoutExpired:
             return self._kill(process)
 
-    def _kill(self, process: subprocess.Popen) -> int:
+    def _kill(self, process: subprocess.Popen[bytes]) -> int:
         segments = held_segments(process.pid)
         process.kill()
         status = process.wait()

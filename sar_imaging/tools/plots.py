@@ -7,10 +7,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.patheffects import withStroke
 
 from sar_imaging.geometry.grids import MapGrid
@@ -32,9 +35,10 @@ MOST_DB = 60.0  # from black to white
 COMPRESSION = 2
 
 
-def save_image_png(path: Path | str, image, grid: MapGrid, *, truth: Sequence[dict] = (),
-                   title: str = '', limits_db: tuple[float, float] | None = None,
-                   quantity: str | None = None) -> None:
+def save_image_png(path: Path | str, image: np.ndarray, grid: MapGrid, *,
+                   truth: Sequence[dict[str, Any]] = (), title: str = '',
+                   limits_db: tuple[float, float] | None = None, quantity: str | None = None
+                   ) -> None:
     """Draw the magnitude of an image in decibels on axes in metres.
 
     Parameters
@@ -92,8 +96,9 @@ def save_image_png(path: Path | str, image, grid: MapGrid, *, truth: Sequence[di
     drawing.save(path, drawn, 'dB' if low else unit, title, centred=slim)
 
 
-def save_values_png(path: Path | str, values, grid: MapGrid, *, title: str, label: str,
-                    limits: tuple[float, float], colours: str, marked=None) -> None:
+def save_values_png(path: Path | str, values: np.ndarray, grid: MapGrid, *, title: str, label: str,
+                    limits: tuple[float, float], colours: str, marked: np.ndarray | None = None
+                    ) -> None:
     """Draw values of a map in colours on axes in metres.
 
     Parameters
@@ -132,7 +137,7 @@ def save_values_png(path: Path | str, values, grid: MapGrid, *, title: str, labe
 class _Drawing:
     """A picture of a map: axes in metres and a colour bar."""
 
-    def __init__(self, grid: MapGrid):
+    def __init__(self, grid: MapGrid) -> None:
         (self._x_ref, x_label), (self._y_ref, y_label) = _axis('x', grid.x_m), _axis('y', grid.y_m)
         half = grid.spacing_m / 2
         self._extent = (grid.x_m[0] - half - self._x_ref, grid.x_m[-1] + half - self._x_ref,
@@ -142,7 +147,7 @@ class _Drawing:
         self.axes.set(xlabel=x_label, ylabel=y_label)
         self.axes.tick_params(direction='out', labelsize=8)
 
-    def show(self, values: np.ndarray, **style):
+    def show(self, values: np.ndarray, **style: Any) -> AxesImage:
         """Draw values over the whole map."""
         return self.axes.imshow(values, extent=self._extent, aspect='auto', **style)
 
@@ -160,8 +165,8 @@ class _Drawing:
             ha='right' if to_left else 'left', va='center', color=MARK, fontsize=7,
             path_effects=[withStroke(linewidth=1.2, foreground='black')])
 
-    def save(self, path: Path | str, drawn, label: str, title: str, *, centred: bool = False
-             ) -> None:
+    def save(self, path: Path | str, drawn: AxesImage, label: str, title: str, *,
+             centred: bool = False) -> None:
         """Write the picture, with the colours of what was drawn in the bar."""
         self.axes.set(xlim=self._extent[:2], ylim=self._extent[2:])
         self.axes.annotate(title, (0.5 if centred else 0, 1), xytext=(0, 9),
@@ -230,7 +235,7 @@ def _axis(name: str, values: np.ndarray) -> tuple[float, str]:
     return float(middle), f'{name} {sign} {number} m  (m)'
 
 
-def _layout(width_m: float, height_m: float):
+def _layout(width_m: float, height_m: float) -> tuple[Figure, Axes, Axes]:
     """Figure, axes of the image and axes of the colour bar, with equal scales where possible."""
     left, right, bottom, top = MARGINS
     longest = max(width_m, height_m)

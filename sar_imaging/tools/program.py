@@ -16,9 +16,9 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from types import FrameType
-from typing import TextIO
+from typing import Any, TextIO
 
 from sar_imaging.files import printable, protecting_inputs, told
 
@@ -30,22 +30,22 @@ UNREAD_STATUS = 128 + signal.SIGPIPE  # what a shell says of programs that the s
 class _Read:
     """A stream that ends the program when it has no reader."""
 
-    def __init__(self, stream: TextIO):
+    def __init__(self, stream: TextIO) -> None:
         self._stream = stream
 
-    def __getattr__(self, name: str):
+    def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
         return self._kept(self._stream.write, text)
 
-    def writelines(self, lines) -> None:
+    def writelines(self, lines: Iterable[str]) -> None:
         self._kept(self._stream.writelines, lines)
 
     def flush(self) -> None:
         self._kept(self._stream.flush)
 
-    def _kept(self, call, *arguments):
+    def _kept(self, call: Callable[..., Any], *arguments: object) -> Any:
         try:
             return call(*arguments)
         except BrokenPipeError:
@@ -81,7 +81,7 @@ def command_parser(prog: str | None, description: str, epilog: str | None = None
 
 def main_of(parser: Callable[[], argparse.ArgumentParser],
             run: Callable[[argparse.Namespace], str | int], *, interrupted: str = _INTERRUPTED,
-            quiet: bool = False) -> Callable[[Sequence[str] | None], int]:
+            quiet: bool = False) -> Callable[..., int]:
     """The `main` of a command, which parses its arguments and runs it by `run_command`.
 
     Parameters
@@ -156,7 +156,7 @@ def _interruptible() -> Iterator[None]:
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     unraisable = sys.unraisablehook
 
-    def not_lost(raised):
+    def not_lost(raised: sys.UnraisableHookArgs) -> None:
         if raised.exc_type is KeyboardInterrupt:  # of a destructor, or what else cannot raise
             _interrupt_at_next_line(sys._getframe(1))
         else:

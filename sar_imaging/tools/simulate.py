@@ -12,6 +12,7 @@ import dataclasses
 import math
 import sys
 from pathlib import Path
+from typing import Any
 
 from sar_imaging.configuration.datum import configured_datum
 from sar_imaging.configuration.parameters import ConfigurationFileError, read_configuration
@@ -42,7 +43,7 @@ check_config:
 
 
 def scenario_truth(scenario: Scenario, *, window: str = 'none', frame: str = 'map',
-                   datum: Datum | None = None) -> dict:
+                   datum: Datum | None = None) -> dict[str, Any]:
     """Truth to store with a recording of the scenario, see `recordings.make_truth`."""
     truth = make_truth(
         scenario=scenario.name, description=scenario.description,

@@ -13,6 +13,7 @@ import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -50,7 +51,7 @@ The same command gives the same bytes on every machine.
 
 
 def write_archive(survey: Survey, folder: Path, *, file_format: str = 'bag', broken: int = 0,
-                  progress: bool = False) -> dict:
+                  progress: bool = False) -> dict[str, Any]:
     """Write the recordings of a survey.
 
     Samples are simulated and written message by message.
@@ -159,7 +160,7 @@ def _blocks(recording: SurveyRecording) -> Iterator[PulseBlock]:
     return recording.blocks(max(1, int(_MESSAGE_BYTES // pulse_bytes)))
 
 
-def _truth(recording: SurveyRecording) -> dict:
+def _truth(recording: SurveyRecording) -> dict[str, Any]:
     survey = recording.survey
     half = 8 * survey.spacing_m
     return make_truth(

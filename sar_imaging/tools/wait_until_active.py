@@ -11,6 +11,12 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lifecycle_msgs.srv import GetState
+    from rclpy.client import Client
+    from rclpy.node import Node
 
 _ASK_EVERY_S = 0.2
 _ANSWER_S = 2.0
@@ -48,7 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         rclpy.try_shutdown()
 
 
-def _wait(asking, names: Sequence[str], timeout_s: float) -> int:
+def _wait(asking: Node, names: Sequence[str], timeout_s: float) -> int:
     """Ask the nodes for their states, by a node of this program, until all are active."""
     from lifecycle_msgs.msg import State
     from lifecycle_msgs.srv import GetState
@@ -71,7 +77,7 @@ def _wait(asking, names: Sequence[str], timeout_s: float) -> int:
     return 0
 
 
-def _state(node, client, request) -> int | None:
+def _state(node: Node, client: Client, request: GetState.Request) -> int | None:
     """State of a node; None where it does not answer."""
     import rclpy
 

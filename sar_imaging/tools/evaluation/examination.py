@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,7 @@ _MOST_BYTES = 512e6  # of samples that are read for it
 
 
 def examine(recording: Recording, aperture: int, pulses_per_aperture: int, image: np.ndarray,
-            grid: MapGrid, autofocus: dict | None = None) -> dict:
+            grid: MapGrid, autofocus: dict[str, Any] | None = None) -> dict[str, Any]:
     """The entry `focus` of quality.json.
 
     Parameters
@@ -58,12 +59,12 @@ def examine(recording: Recording, aperture: int, pulses_per_aperture: int, image
     return _as_json(figure, diagnosis)
 
 
-def doubtful(focus: dict) -> bool:
+def doubtful(focus: dict[str, Any]) -> bool:
     """True when an image should not be used before somebody looked at it."""
     return focus['at_noise_level'] or bool(focus['mistake'])
 
 
-def describe(focus: dict) -> str:
+def describe(focus: dict[str, Any]) -> str:
     """Lines for the summary."""
     line = (f'focus: peak {focus["peak_over_median_db"]:.1f} dB over the median (noise: up to '
             f'{focus["noise_db"]:.1f}), contrast {focus["contrast"]:.3g}, entropy '
@@ -71,7 +72,7 @@ def describe(focus: dict) -> str:
     return f'{line}\nwarning: {focus["advice"]}' if focus['advice'] else line
 
 
-def _as_json(figure: FocusFigure, diagnosis: Diagnosis) -> dict:
+def _as_json(figure: FocusFigure, diagnosis: Diagnosis) -> dict[str, Any]:
     return {'peak_over_median_db': round(figure.peak_over_median_db, 2),
             'entropy': round(figure.entropy, 4), 'contrast': round(figure.contrast, 4),
             'noise_db': round(figure.noise_db, 2), 'at_noise_level': figure.at_noise_level,
@@ -95,7 +96,7 @@ that of the main lobe. error: measured minus true position. -: could not be meas
 its line or in quality.json. docs/evaluate.md explains how they are measured."""
 
 
-def summary(quality: dict) -> str:
+def summary(quality: dict[str, Any]) -> str:
     """Readable text of what quality.json holds."""
     lines = []
     if quality['scatterers']:

@@ -8,6 +8,7 @@ import argparse
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -55,7 +56,7 @@ class Launch:
     """
 
     nodes: tuple[str, ...]
-    parameters: dict
+    parameters: dict[str, Any]
     files: tuple[Path, ...]
     arguments: list[str]
     own: bool
@@ -81,7 +82,7 @@ def _value(text: str) -> tuple[str, str]:
     return name, value
 
 
-def plan_launch(arguments: argparse.Namespace, truth: Mapping | None) -> Launch:
+def plan_launch(arguments: argparse.Namespace, truth: Mapping[str, Any] | None) -> Launch:
     """Nodes and parameters that the command line asks for.
 
     Parameters
@@ -141,7 +142,7 @@ def _patience(files: Sequence[Path]) -> dict[str, float]:
     return patience
 
 
-def _parameters(truth: Mapping, mode: str, folder: Path) -> dict[str, dict]:
+def _parameters(truth: Mapping[str, Any], mode: str, folder: Path) -> dict[str, dict[str, Any]]:
     """Those of the recording; the table of a measured antenna is written to a folder."""
     file = folder / 'antenna.yaml'
     if 'antenna' in truth:

@@ -9,6 +9,7 @@ import math
 import re
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -78,7 +79,7 @@ class NodeWarnings:
     """
 
     def __init__(self, node: Node, names: Sequence[str], tell: Callable[[str], object], *,
-                 past: bool):
+                 past: bool) -> None:
         prefix = node.get_namespace().strip('/').replace('/', '.')
         self._names = {f'{prefix}.{name}'.lstrip('.'): name for name in names}
         self._tell = tell
@@ -140,7 +141,7 @@ class Observer:
     """
 
     def __init__(self, node: Node, executor: Executor, nodes: Sequence[str], *,
-                 tell: Callable[[str], object] = lambda line: None, past: bool = False):
+                 tell: Callable[[str], object] = lambda line: None, past: bool = False) -> None:
         self._node = node
         self._nodes = tuple(nodes)
         self._executor = executor
@@ -154,7 +155,7 @@ class Observer:
                           for name in nodes for part, key in _parts(name).items()}
         self.image: ReceivedImage | None = None
         self.n_images = 0
-        self.autofocus: dict[int, dict] = {}
+        self.autofocus: dict[int, dict[str, Any]] = {}
         reliable = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
         latched = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                              durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -169,7 +170,7 @@ class Observer:
         self.image = None
         self._before = {name: self.counters(name) for name in self.stages}
 
-    def wait_for_nodes(self, timeout_s: float, check) -> None:
+    def wait_for_nodes(self, timeout_s: float, check: Callable[[], None]) -> None:
         """Return when all nodes are there and their topics are connected.
 
         A fresh report of every node, published after its neighbours were seen, means that they
@@ -208,7 +209,7 @@ class Observer:
             missing.append('publisher of image_complex')
         return missing
 
-    def pulses_per_aperture(self, timeout_s: float, check) -> int:
+    def pulses_per_aperture(self, timeout_s: float, check: Callable[[], None]) -> int:
         """Parameter of the running nodes.
 
         Raises
@@ -264,7 +265,7 @@ class Observer:
         sent_all : bool
             Nothing more will be sent: a single block that was refused is enough.
         """
-        def increase(name, key):
+        def increase(name: str, key: str) -> int:
             return self.counters(name).get(key, 0) - self._before.get(name, {}).get(key, 0)
 
         least = 1 if sent_all else _ALL_REJECTED
@@ -303,7 +304,7 @@ class Observer:
         return next((pair.value for pair in self._status[name][1].values if pair.key == key), '')
 
     def status_after(self, name: str, moment_s: float, deadline_s: float,
-                     check) -> DiagnosticStatus | None:
+                     check: Callable[[], None]) -> DiagnosticStatus | None:
         """First report of a node after a moment, None when none comes before the deadline."""
         while name not in self._status or self._status[name][0] <= moment_s:
             if time.monotonic() > deadline_s:
@@ -325,7 +326,7 @@ class Observer:
                       if (text := self._text(name, key))]
         return '\n'.join(lines)
 
-    def spin(self, check, timeout_s: float = 0.05) -> None:
+    def spin(self, check: Callable[[], None], timeout_s: float = 0.05) -> None:
         """Handle what came, or wait a moment for something to come."""
         check()
         self._executor.spin_once(timeout_sec=timeout_s)

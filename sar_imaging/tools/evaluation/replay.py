@@ -13,11 +13,12 @@ import dataclasses
 import heapq
 import itertools
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 from nav_msgs.msg import Odometry
 from rclpy.executors import Executor
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float32MultiArray, UInt32
 
@@ -86,8 +87,8 @@ class Replayer:
         Counter of the last pulse that the imager has finished.
     """
 
-    def __init__(self, node: Node, executor: Executor, *,
-                 check: Callable[[], None] = lambda: None, imager: str = 'backprojection'):
+    def __init__(self, node: Node, executor: Executor, *, check: Callable[[], None] = lambda: None,
+                 imager: str = 'backprojection') -> None:
         self._node = node
         self._executor = executor
         self.check = check
@@ -182,7 +183,9 @@ class Replayer:
             self._spin(0.0)
         return count
 
-    def _with_poses(self, messages, poses):
+    def _with_poses(self, messages: Iterable[tuple[int, bytes]],
+                    poses: Iterable[tuple[int, bytes]]
+                    ) -> Iterator[tuple[int, bytes, Publisher]]:
         """Both streams by time, with the publisher of each message."""
         pulses = ((time_ns, cdr, self._publisher) for time_ns, cdr in messages)
         poses = iter(poses)

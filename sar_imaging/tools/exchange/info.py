@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -193,7 +193,7 @@ def _datum(datum: Datum) -> str:
             f'{datum.height_m:.1f} m (ellipsoidal){heading}')
 
 
-def _degrees(latitudes, longitudes) -> str:
+def _degrees(latitudes: Iterable[float], longitudes: Iterable[float]) -> str:
     return '; '.join(f'{abs(a):.5f} {"N" if a >= 0 else "S"} {abs(o):.5f} {"E" if o >= 0 else "W"}'
                      for a, o in zip(latitudes, longitudes, strict=True))
 
@@ -210,7 +210,7 @@ def _footprint(area_m: np.ndarray, datum: Datum) -> str:
     return (f'{_length(sides[1])} by {_length(sides[0])}: {_degrees(latitudes, longitudes)}')
 
 
-def _point(values) -> str:
+def _point(values: Iterable[float]) -> str:
     return '(' + ', '.join(f'{v:g}' for v in values) + ')'
 
 

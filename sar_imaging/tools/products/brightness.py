@@ -8,6 +8,7 @@ import argparse
 import dataclasses
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -70,7 +71,7 @@ def respond(source: PulseSource, choice: GridChoice) -> ImageResponse:
 
 
 def calibrate_image(response: ImageResponse, image: Image, quantity: str,
-                    constant: RadarConstant) -> tuple[Image, dict]:
+                    constant: RadarConstant) -> tuple[Image, dict[str, Any]]:
     """The image as calibrated brightness, and its figures in dB."""
     scaled = calibrated(image, response, constant, quantity)
     power = np.abs(scaled.samples).astype(np.float64) ** 2
@@ -84,7 +85,7 @@ def calibrate_image(response: ImageResponse, image: Image, quantity: str,
 
 
 def calibrate_volume(source: PulseSource, image: Image, constant: RadarConstant
-                     ) -> tuple[Image, dict]:
+                     ) -> tuple[Image, dict[str, Any]]:
     """A volume as cross sections of points, and what quality.json tells of it."""
     scale = volume_scale(image.grid, source.tx_m, source.rx_m, constant,
                          pattern=source.illumination, pointing=pointing_of(source))

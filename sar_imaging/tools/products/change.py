@@ -14,6 +14,7 @@ import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -116,7 +117,8 @@ def _of_pulses(first: Path, second: Path, arguments: argparse.Namespace) -> Pair
                 one.radar.propagation_speed_m_per_s)
 
 
-def _warnings(sources: tuple[PulseSource, PulseSource], images) -> tuple[str, ...]:
+def _warnings(sources: tuple[PulseSource, PulseSource], images: tuple[Image, Image]
+              ) -> tuple[str, ...]:
     return tuple(f'{name} pass: {text}'
                  for name, source, image in zip(('first', 'second'), sources, images, strict=True)
                  for text in (*source.warnings, *image.report.warnings))
@@ -139,7 +141,7 @@ def _of_sicd(first: Path, second: Path) -> Pair:
 
 def _in_frame(grid: PlaneGrid, own: Datum, wanted: Datum) -> PlaneGrid:
     """The same pixels in the frame of another datum."""
-    def turned(vector):
+    def turned(vector: tuple[float, float, float]) -> tuple[float, float, float]:
         return tuple(wanted.vectors_from_ecef(own.vectors_to_ecef(vector)))
 
     return PlaneGrid(tuple(wanted.from_ecef(own.to_ecef(grid.origin_m))), turned(grid.step_u_m),
@@ -199,7 +201,8 @@ def run(arguments: argparse.Namespace) -> str:
     return '\n'.join([*told, str(found), f'written to {arguments.output}: {", ".join(names)}'])
 
 
-def _figures(arguments, pair: Pair, found: PassComparison, warnings: list[str]) -> dict:
+def _figures(arguments: argparse.Namespace, pair: Pair, found: PassComparison,
+             warnings: list[str]) -> dict[str, Any]:
     first, second = (track.mean(axis=0) for track in pair.tracks_m)
     return found.figures() | {
         'first': str(arguments.first), 'second': str(arguments.second),
@@ -213,8 +216,8 @@ def _bands(found: PassComparison) -> dict[str, np.ndarray]:
     bands = {'coherence': found.coherence, 'changed': changed, 'phase_rad': found.phase_rad,
              'phase_noise_rad': found.phase_noise_rad}
     if _has_heights(found):
-        bands |= {'height_m': found.height_m, 'height_noise_m': found.height_noise_m,
-                  'ambiguity_height_m': found.ambiguity_height_m}
+        for name in ('height_m', 'height_noise_m', 'ambiguity_height_m'):
+            bands[name] = getattr(found, name)
     return bands
 
 
@@ -222,7 +225,8 @@ def _has_heights(found: PassComparison) -> bool:
     return found.height_m is not None and bool(np.isfinite(found.height_m).any())
 
 
-def _write_raster(path: Path, bands: dict, pair: Pair, warnings: list[str]) -> list[str]:
+def _write_raster(path: Path, bands: dict[str, np.ndarray], pair: Pair, warnings: list[str]
+                  ) -> list[str]:
     """GeoTIFF where the place is known; what prevents it is a warning."""
     if pair.datum is None:
         return []
@@ -264,7 +268,7 @@ def save_pictures(folder: Path, pair: Pair, found: PassComparison) -> list[str]:
     return written
 
 
-def _write_report(folder: Path, arguments, pair: Pair, found: PassComparison,
+def _write_report(folder: Path, arguments: argparse.Namespace, pair: Pair, found: PassComparison,
                   pictures: Sequence[str], warnings: Sequence[str]) -> None:
     def shown(*names: str) -> dict[Path, str]:
         return {folder / name: _PICTURES[name] for name in names if name in pictures}

@@ -6,8 +6,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
@@ -61,7 +63,7 @@ def save_acquisition_png(path: Path | str, track_m: np.ndarray, corners_m: np.nd
     figure.savefig(path, dpi=110)
 
 
-def _draw(axes, track: np.ndarray, corners: np.ndarray) -> None:
+def _draw(axes: Axes, track: np.ndarray, corners: np.ndarray) -> None:
     centre = corners.mean(axis=0)
     for end in (track[0], track[-1]):
         axes.plot(*np.stack([end, centre]).T, color=_SIGHT, lw=0.8, ls='--')
@@ -110,7 +112,7 @@ def _level_db(power: np.ndarray) -> np.ndarray:
     return 10 * np.log10(np.maximum(power / max(float(power.max()), 1e-30), 1e-12))
 
 
-def _echoes(figure, axes, profiles: np.ndarray, range_m: np.ndarray) -> None:
+def _echoes(figure: Figure, axes: Axes, profiles: np.ndarray, range_m: np.ndarray) -> None:
     shown = axes.imshow(_level_db(np.square(np.abs(profiles))), aspect='auto', cmap='viridis',
                         vmin=-_SHOWN_DB, vmax=0.0, interpolation='nearest',
                         extent=(range_m[0], range_m[-1], len(profiles), 0))
@@ -118,7 +120,7 @@ def _echoes(figure, axes, profiles: np.ndarray, range_m: np.ndarray) -> None:
     figure.colorbar(shown, ax=axes, label='dB')
 
 
-def _values(axes, block: PulseBlock) -> None:
+def _values(axes: Axes, block: PulseBlock) -> None:
     for name, part in (('I', block.samples.real), ('Q', block.samples.imag)):
         if part.any():
             axes.hist(part.ravel()[:2_000_000], bins=201, histtype='step', label=name)
@@ -127,7 +129,7 @@ def _values(axes, block: PulseBlock) -> None:
     axes.legend(fontsize=8)
 
 
-def _times(axes, block: PulseBlock) -> None:
+def _times(axes: Axes, block: PulseBlock) -> None:
     counter = block.counter.astype(np.int64)
     order = np.argsort(counter, kind='stable')
     counter = counter[order]
@@ -142,7 +144,7 @@ def _times(axes, block: PulseBlock) -> None:
              ylabel='ms')
 
 
-def _channels(axes, profiles: np.ndarray, range_m: np.ndarray) -> None:
+def _channels(axes: Axes, profiles: np.ndarray, range_m: np.ndarray) -> None:
     power = np.mean(np.square(np.abs(profiles)), axis=0)
     level = _level_db(power)
     for number in range(min(len(level), 16)):
@@ -162,7 +164,8 @@ _VIEW_DEG = 22.0, -112.0  # elevation and azimuth from which the cloud is seen
 
 
 def save_volume_png(path: Path | str, samples: np.ndarray, grid: VolumeGrid, cells: BrightCells,
-                    *, threshold_db: float, truth: Sequence[dict] = (), title: str = '') -> None:
+                    *, threshold_db: float, truth: Sequence[dict[str, Any]] = (),
+                    title: str = '') -> None:
     """Draw the largest magnitudes along z, y and x in decibels, and the cloud.
 
     What is too dark for the cloud is black.

@@ -9,6 +9,7 @@ import dataclasses
 import math
 import sys
 import time
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -90,7 +91,7 @@ def choose(source: PulseSource, arguments: argparse.Namespace,
                        memory_bytes=share * memory_bytes(a))
 
 
-def _place(place) -> str:
+def _place(place: np.ndarray) -> str:
     return ', '.join(f'{v:.1f}' for v in place)
 
 
@@ -182,7 +183,7 @@ class Formed:
     seconds: float
     measured: Verification | str
 
-    def figures(self) -> dict:
+    def figures(self) -> dict[str, Any]:
         """What quality.json says of every image."""
         report, source, measured = self.image.report, self.source, self.measured
         warnings = [*source.warnings, *report.warnings]

@@ -13,6 +13,7 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -166,7 +167,7 @@ def write_products(folder: Path, formats: Sequence[str], source: PulseSource, ch
     return written
 
 
-def describe(formed: forming.Formed) -> dict:
+def describe(formed: forming.Formed) -> dict[str, Any]:
     """Contents of quality.json."""
     source, choice, image = formed.source, formed.choice, formed.image
     quality, report, focus = formed.figures(), image.report, focus_figure(image.samples)
@@ -189,7 +190,7 @@ def describe(formed: forming.Formed) -> dict:
         'scatterers': _scatterers(source, choice, image)}
 
 
-def _scatterers(source: PulseSource, choice: GridChoice, image: Image) -> list[dict]:
+def _scatterers(source: PulseSource, choice: GridChoice, image: Image) -> list[dict[str, Any]]:
     """Known scatterers on a map, measured."""
     if source.cut_half_width_m is None or not isinstance(choice.grid, MapGrid):
         return []
@@ -203,7 +204,7 @@ def _scatterers(source: PulseSource, choice: GridChoice, image: Image) -> list[d
         for s in source.scatterers]
 
 
-def _errors(quality: dict) -> str:
+def _errors(quality: dict[str, Any]) -> str:
     predicted, measured = quality['predicted_error_db'], quality['measured_error']
     return (('not predicted' if predicted is None else f'{predicted:.1f} dB predicted')
             + (', not measured' if measured is None or measured['error_db'] is None
@@ -212,7 +213,7 @@ def _errors(quality: dict) -> str:
 
 
 def _write_report(folder: Path, source: PulseSource, choice: GridChoice, image: Image,
-                  quality: dict) -> None:
+                  quality: dict[str, Any]) -> None:
     drawing = folder / 'acquisition.png'
     rows, columns = image.shape
     corners = choice.grid.positions(np.array([0, 0, rows - 1, rows - 1]),
@@ -241,7 +242,7 @@ def _write_report(folder: Path, source: PulseSource, choice: GridChoice, image: 
     drawing.unlink()
 
 
-def _measured_rows(measured: dict | None) -> dict[str, str]:
+def _measured_rows(measured: dict[str, Any] | None) -> dict[str, str]:
     if measured is None:
         return {}
     told = {'measured over the image': ('error_db', 'n_pixels'),

@@ -10,7 +10,9 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from ...exploitation.localization import farthest
 from ...exploitation.registration import LookDirection, Registration, register
@@ -68,9 +70,9 @@ def run(arguments: argparse.Namespace) -> str:
     return f'{found}\nwritten to {arguments.output}: location.json'
 
 
-def describe(found: Registration) -> dict:
+def describe(found: Registration) -> dict[str, Any]:
     """Contents of location.json."""
-    def numbers(values):
+    def numbers(values: Iterable[float]) -> list[float | None]:
         return [float(v) if math.isfinite(v) else None for v in values]
 
     return {'accepted': found.accepted, 'refusal': found.refusal,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -74,8 +75,8 @@ def run(arguments: argparse.Namespace) -> str:
             f'a sample of the range profiles\nwritten to {arguments.output}')
 
 
-def write_constant(path: Path, constant: RadarConstant, source: PulseSource, reflector_m,
-                   cross_section_m2: float) -> None:
+def write_constant(path: Path, constant: RadarConstant, source: PulseSource,
+                   reflector_m: Sequence[float], cross_section_m2: float) -> None:
     """Write a radar constant with where it comes from; folders are made."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as part:
@@ -86,7 +87,7 @@ def write_constant(path: Path, constant: RadarConstant, source: PulseSource, ref
             'carrier_hz': float(source.radar.carrier_hz)}, sort_keys=False))
 
 
-def measure_constant(source: PulseSource, reflector_m, cross_section_m2: float,
+def measure_constant(source: PulseSource, reflector_m: Sequence[float], cross_section_m2: float,
                      n_bytes: float) -> RadarConstant:
     """Radar constant from a small image around a reflector.
 
@@ -112,7 +113,7 @@ def measure_constant(source: PulseSource, reflector_m, cross_section_m2: float,
         cross_section_m2, noise_power(block.samples))
 
 
-def _around(source: PulseSource, place, n_bytes: float) -> GridChoice:
+def _around(source: PulseSource, place: Sequence[float], n_bytes: float) -> GridChoice:
     """Fine pixels around a place."""
     first = choose_grid(source.coverage(), np.asarray(place, float), size_m=(1.0, 1.0),
                         memory_bytes=n_bytes)

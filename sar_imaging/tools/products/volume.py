@@ -7,6 +7,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 
@@ -126,7 +127,7 @@ def choose(source: PulseSource, arguments: argparse.Namespace, n_bytes: float) -
         '--height-step change it)'))
 
 
-def describe(formed: forming.Formed, cells: BrightCells, threshold_db: float) -> dict:
+def describe(formed: forming.Formed, cells: BrightCells, threshold_db: float) -> dict[str, Any]:
     """Contents of quality.json."""
     quality, found = formed.figures(), len(cells.points_m)
     if not found:
