@@ -16,7 +16,7 @@ EXECUTABLES = ('radar_driver', 'pulse_buffer', 'range_compression', 'backproject
                'afbp_fusion', 'sar_pipeline', 'moving_targets', 'localization')
 
 
-def _end_quietly(*_) -> None:
+def _end_quietly(*_: object) -> None:
     """Ctrl-C while the libraries are still being loaded: nothing has begun that must be ended."""
     os._exit(0)
 

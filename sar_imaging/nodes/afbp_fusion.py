@@ -8,6 +8,7 @@ import dataclasses
 import math
 import sys
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from sar_imaging.backends import compile_beforehand
 from sar_imaging.exploitation.obstacles.aperture_view import SubapertureTracks
@@ -84,7 +85,7 @@ class FusionStep(LiveStep):
     IDLE_PARAMETER = 'fusion_timeout_s'
     SAVE_SERVICE = 'save_image'
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+    def __init__(self, parameters: Mapping[str, Any], health: Health | Part):
         super().__init__(parameters, health)
         self.live = LiveFusion(max_image_pixels=parameters['max_image_pixels'],
                                backend=backend_of(parameters))

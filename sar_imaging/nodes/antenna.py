@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from sar_imaging.configuration.antenna import (
     BLOCK,
@@ -34,7 +35,7 @@ PATTERN_PARAMETERS = (
 )
 
 
-def pattern_from(parameters: Mapping[str, object]) -> AntennaPattern | None:
+def pattern_from(parameters: Mapping[str, Any]) -> AntennaPattern | None:
     """Pattern that the parameters describe; None where all pixels are lit alike.
 
     Raises

@@ -8,6 +8,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -129,7 +130,7 @@ class BackprojectionStep(LiveStep):
     SAVE_SERVICE = 'save_image'
     WITHOUT_TERRAIN = ''  # why, where it is impossible on terrain
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+    def __init__(self, parameters: Mapping[str, Any], health: Health | Part):
         super().__init__(parameters, health)
         if parameters[TERRAIN_FILE.name] and self.WITHOUT_TERRAIN:
             raise ConfigurationError(f'parameter {TERRAIN_FILE.name}: {self.WITHOUT_TERRAIN}; use '
@@ -140,18 +141,18 @@ class BackprojectionStep(LiveStep):
         self._watch = FocusWatch(imaging.middle_grid, parameters['pulses_per_aperture'], health,
                                  watching=not (parameters[TERRAIN_FILE.name]
                                                or parameters['mode'] == VOLUME))
-        self._reported_for: tuple | None = None  # radar and shape of the blocks
+        self._reported_for: tuple[Any, ...] | None = None  # radar and shape of the blocks
         self._refusal = ''  # why these cannot be imaged
         self._track: TrackWarnings | None = None  # that wait for more of it
 
     @classmethod
-    def create(cls, parameters: Mapping[str, object],
+    def create(cls, parameters: Mapping[str, Any],
                health: Health | Part) -> BackprojectionStep:
         """Step of the mode that the parameters ask for."""
         kinds = {IMAGE: ImageStep, VOLUME: VolumeStep, SUBAPERTURES: SubapertureStep}
         return kinds[parameters['mode']](parameters, health)
 
-    def process(self, block: PulseBlock) -> list:
+    def process(self, block: PulseBlock) -> list[Any]:
         """Add profiles to their aperture; returns the products that became complete."""
         check_frame(block, self.parameters['frame_id'])
         self._check(block)
@@ -211,7 +212,7 @@ class BackprojectionStep(LiveStep):
 class ImageStep(BackprojectionStep):
     """Range profiles to images; see `ApertureImager`."""
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+    def __init__(self, parameters: Mapping[str, Any], health: Health | Part):
         super().__init__(parameters, health)
         self._datum = DatumInput(parameters, health)
         self._focus = ImageFocus.wanted(parameters, self._grid, health, self._datum)
@@ -338,7 +339,7 @@ class ImageStep(BackprojectionStep):
         return Image(product.image, grid, product.carrier_hz, report, product.stamp_ns,
                      product.counters.astype(np.int64))
 
-    def follow(self, work: Callable[..., list], *arguments) -> list[ApertureImage]:
+    def follow(self, work: Callable[..., list[Any]], *arguments: object) -> list[ApertureImage]:
         """Images, in focus where that was asked for; see `LiveStep`."""
         images = super().follow(work, *arguments)
         return images if self._focus is None else self._focused(images)
@@ -357,7 +358,7 @@ class SubapertureStep(BackprojectionStep):
     STATISTICS = BackprojectionStep.STATISTICS | {
         'plans_made': 'plans', 'plans_anew': 'plans_anew', 'last_plan_seconds': 'plan_seconds'}
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+    def __init__(self, parameters: Mapping[str, Any], health: Health | Part):
         super().__init__(parameters, health)
         p = parameters
         follow_m = ((p['subapertures.follow_ahead'], p['subapertures.follow_left'])
@@ -420,7 +421,8 @@ class SubapertureStep(BackprojectionStep):
         self.health.cause(Cause.PLANNING, '' if since_s is None else (
             f'planning an aperture for {time.perf_counter() - since_s:.1f} s so far; pulses wait'))
 
-    def follow(self, work: Callable[..., list], *arguments) -> list[SubapertureImage]:
+    def follow(self, work: Callable[..., list[Any]], *arguments: object
+               ) -> list[SubapertureImage]:
         """Images, rounded as messages round them: the pipeline's are those of the nodes."""
         return [as_received(image) for image in super().follow(work, *arguments)]
 

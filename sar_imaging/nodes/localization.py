@@ -10,7 +10,9 @@ import math
 import sys
 import threading
 import time
+from concurrent.futures import Future as Call
 from pathlib import Path
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -145,7 +147,7 @@ class MapFolder:
 
     def __init__(self, folder: Path):
         self._folder = folder
-        self._seen: list | None = None
+        self._seen: list[tuple[int, int, int] | None] | None = None
         self.problem = ''
 
     def look(self) -> ReferenceMap | None:
@@ -179,7 +181,7 @@ class LocalizationNode(ManagedNode):
 
     NAME = 'localization'
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__(parameters=PARAMETERS, counters=COUNTERS, faults=FAULTS)
         self._worker: Worker | None = None
         self._watch: InputWatch | None = None
@@ -284,8 +286,9 @@ class LocalizationNode(ManagedNode):
             self.health.count('images_dropped', len(worker.clear()))
             worker.put(item)
 
-    def _reset(self, request, response):
-        def forget():
+    def _reset(self, request: Trigger.Request, response: Trigger.Response
+               ) -> Trigger.Response:
+        def forget() -> None:
             if self._localizer is not None:
                 self._localizer.restart()
             self._shown = None
@@ -297,7 +300,8 @@ class LocalizationNode(ManagedNode):
             response.success, response.message = True, 'the estimates are forgotten'
         return response
 
-    async def _save_map(self, request, response):
+    async def _save_map(self, request: Trigger.Request, response: Trigger.Response
+                        ) -> Trigger.Response:
         if self._worker is None:
             response.success, response.message = False, f'the node is {self.state}'
             return response
@@ -428,7 +432,7 @@ class LocalizationNode(ManagedNode):
 
     def _saved(self) -> str:
         """Write the map with what was added; says so."""
-        if self._growing is None:
+        if self._growing is None or self._reference is None:
             raise ValueError('map.update is false, or no map was read yet')
         known = self._reference.passes
         more = [Pass(self.NAME, look, self._added_ns)
@@ -504,7 +508,7 @@ class LocalizationNode(ManagedNode):
             state = watch.state
         self.health.publish(state)
 
-    def _called(self, future) -> None:
+    def _called(self, future: Call[Any]) -> None:
         if not future.cancelled() and future.exception() is not None:
             self._work_failed(future.exception())
 

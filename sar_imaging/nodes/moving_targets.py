@@ -8,6 +8,7 @@ import functools
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from nav_msgs.msg import MapMetaData
@@ -72,7 +73,7 @@ class MovingTargetsStep(LiveStep):
     IDLE_PARAMETER = 'aperture_timeout_s'
     SAVE_SERVICE = 'save_targets'
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+    def __init__(self, parameters: Mapping[str, Any], health: Health | Part):
         super().__init__(parameters, health)
         self._grid = imaging_settings(parameters).grid
         finder = MovingTargetFinder(
@@ -154,7 +155,7 @@ class MovingTargetsStep(LiveStep):
                 f'{len(product.counters)} pulses, missing {missing}')
 
 
-def _write(path: Path, points_m: np.ndarray, datum: Datum, properties: dict) -> str:
+def _write(path: Path, points_m: np.ndarray, datum: Datum, properties: dict[str, Any]) -> str:
     path.parent.mkdir(parents=True, exist_ok=True)
     write_points(path, points_m, datum, properties)
     return f'wrote {path}, {len(points_m)} targets'

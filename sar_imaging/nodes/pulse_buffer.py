@@ -8,6 +8,7 @@ import dataclasses
 import sys
 import time
 from collections.abc import Mapping
+from typing import Any
 
 from msg_conversions.pulse_block import as_received
 from sar_imaging.configuration.antenna import mount_of
@@ -76,7 +77,7 @@ class PulseBufferStep(Step):
               'fixes_rejected', 'fixes_without_pose', 'attitudes_unused')
     IDLE_PARAMETER = 'flush_timeout_s'
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+    def __init__(self, parameters: Mapping[str, Any], health: Health | Part):
         super().__init__(parameters, health)
         self._buffer = PulseBuffer(
             pulses_per_aperture=parameters['pulses_per_aperture'],

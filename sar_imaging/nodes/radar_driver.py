@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import importlib
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
@@ -50,7 +52,7 @@ class RadarDriverNode(ManagedNode):
 
     NAME = 'radar_driver'
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__(
             parameters=PARAMETERS,
             counters=('frames_received', 'frames_converted', 'pulses_published'),
@@ -115,13 +117,14 @@ class RadarDriverNode(ManagedNode):
             self.health.causes_of(CAUSES, self._watch.look())
         self.health.publish(self.state)
 
-    def _reset(self, request, response):
+    def _reset(self, request: Trigger.Request, response: Trigger.Response
+               ) -> Trigger.Response:
         if self._converter is not None:
             self._converter.restart()
         response.success, response.message = True, 'the pulses of the next frame begin at 0'
         return response
 
-    def _receive_info(self, message) -> None:
+    def _receive_info(self, message: Any) -> None:
         try:
             told = read_info(message, self.parameters['info_type'])
         except FrameError as error:
@@ -131,7 +134,7 @@ class RadarDriverNode(ManagedNode):
         if self._converter.tell(told):
             self.health.info('radar_info: ' + ', '.join(f'{k}={v}' for k, v in told.items()))
 
-    def _receive(self, message) -> None:
+    def _receive(self, message: Any) -> None:
         received_ns = self.get_clock().now().nanoseconds
         self.health.count('frames_received')
         watch = self._watch
@@ -183,7 +186,7 @@ class RadarDriverNode(ManagedNode):
             self.health.warning(text)
 
 
-def _message_class(parameter: str, name: str, known):
+def _message_class(parameter: str, name: str, known: Mapping[str, object]) -> type:
     """Class of a message type such as ``'xwr_msgs/msg/IQ'``."""
     package, _, short = name.rpartition('/')
     if short not in known or not package:

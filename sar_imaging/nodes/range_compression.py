@@ -8,6 +8,7 @@ import dataclasses
 import math
 import sys
 from collections.abc import Mapping
+from typing import Any
 
 from msg_conversions.pulse_block import as_received
 from sar_imaging.backends.samples import compress
@@ -63,10 +64,10 @@ class RangeCompressionStep(Step):
     COUNTERS = ('blocks_compressed', 'plans_made')
     FAULTS = ('pulses_corrupt', UNTAKEN)
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+    def __init__(self, parameters: Mapping[str, Any], health: Health | Part):
         super().__init__(parameters, health)
         self._plan: RangeCompressor | None = None
-        self._planned_for: tuple | None = None
+        self._planned_for: tuple[Any, ...] | None = None
         self._background: BackgroundFilter | None = None
         self._backend = backend_of(parameters)
 

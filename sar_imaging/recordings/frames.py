@@ -220,7 +220,7 @@ class FrameConverter:
                 raise self._frames.error(key, 'a positive number of seconds')
         self._conjugate, self._scale = (self._samples.flag('conjugate'),
                                         samples_section.read_scale(self._samples))
-        self._told: dict[str, float] = {}
+        self._told: dict[str, float | str] = {}
         self._setup: tuple[Any, ...] | None = None
         self._clock: FrameClock | None = None
         self.statistics = FrameStatistics()
@@ -239,7 +239,7 @@ class FrameConverter:
         self._setup = self._clock = None
         self.statistics = FrameStatistics()
 
-    def tell(self, told: Mapping[str, float]) -> bool:
+    def tell(self, told: Mapping[str, float | str]) -> bool:
         """Take numbers that a message of the driver told; True when one of them is new."""
         new = dict(told) != {key: self._told.get(key) for key in told}
         if new:

@@ -8,7 +8,7 @@ import collections
 import dataclasses
 import time
 from collections.abc import Callable, Iterable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -126,7 +126,7 @@ class ImageFocus:
         Largest offset of the clocks to try, seconds.
     """
 
-    def __init__(self, parameters: Mapping[str, object], grid: MapGrid, health: Health | Part,
+    def __init__(self, parameters: Mapping[str, Any], grid: MapGrid, health: Health | Part,
                  datum: FrameDatum | None = None):
         self._expected = {p.name: parameters[p.name] for p in EXPECTED if parameters[p.name]}
         if not self._expected:
@@ -148,7 +148,7 @@ class ImageFocus:
         compile_autofocus()  # the first image must not wait for it
 
     @classmethod
-    def wanted(cls, parameters: Mapping[str, object], grid: MapGrid,
+    def wanted(cls, parameters: Mapping[str, Any], grid: MapGrid,
                health: Health | Part, datum: FrameDatum) -> ImageFocus | None:
         """Autofocus where the parameters expect an error, else None."""
         asked = any(parameters[p.name] for p in (*EXPECTED, *BESIDE))

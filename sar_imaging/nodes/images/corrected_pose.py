@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -41,7 +41,7 @@ class CorrectedPose:
         Poses of the body; without them the position is that of the antenna.
     """
 
-    def __init__(self, node: Stage, parameters: Mapping[str, object], health: Health | Part,
+    def __init__(self, node: Stage, parameters: Mapping[str, Any], health: Health | Part,
                  positions: KnownPositions | None):
         self._parameters, self._health, self._positions = parameters, health, positions
         self._output = node.create_output(PoseWithCovarianceStamped, 'corrected_pose', PRODUCT_QOS)

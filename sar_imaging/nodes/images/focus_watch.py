@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import time
+from typing import Any
 
 import numpy as np
 
@@ -66,7 +67,7 @@ class FocusWatch:
     def __init__(self, grid: MapGrid, pulses_per_aperture: int, health: Health | Part, *,
                  watching: bool = True):
         self._grid, self._length, self._health = grid, pulses_per_aperture, health
-        self._radar: tuple | None = None
+        self._radar: tuple[Any, ...] | None = None
         self._kept: list[PulseBlock] = []
         self._watching = self._wanted = watching and not MISSING
         self._was_focused = False
@@ -116,7 +117,7 @@ class FocusWatch:
         self._health.set(SECONDS, math.nan)
         aside(lambda: self._examine(aperture, blocks, radar, figure), 'diagnosis')
 
-    def _examine(self, aperture: int, blocks: list[PulseBlock], radar: tuple,
+    def _examine(self, aperture: int, blocks: list[PulseBlock], radar: tuple[Any, ...],
                  figure: FocusFigure | None) -> None:
         """Diagnose an aperture; images do not wait for it."""
         began = time.perf_counter()

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -63,7 +64,7 @@ class ImageBrightness:
         The parameters contradict each other, or name no radar constant.
     """
 
-    def __init__(self, parameters: Mapping[str, object], pattern: AntennaPattern | None,
+    def __init__(self, parameters: Mapping[str, Any], pattern: AntennaPattern | None,
                  health: Health | Part):
         with refused('parameter '):
             constant = constant_of(parameters)

@@ -8,6 +8,7 @@ import dataclasses
 import functools
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -42,9 +43,10 @@ class ImageFiles:
         Datum of the images' frame.
     """
 
-    def __init__(self, parameters: Mapping[str, object], datum: FrameDatum):
+    def __init__(self, parameters: Mapping[str, Any], datum: FrameDatum):
         self._parameters, self._datum = parameters, datum
-        self._latest: tuple[Image, Callable[[], Acquisition], Callable[[], dict]] | None = None
+        self._latest: tuple[Image, Callable[[], Acquisition],
+                            Callable[[], dict[str, Any]]] | None = None
 
     @property
     def wanted(self) -> bool:
@@ -106,7 +108,7 @@ class ImageFiles:
 
 
 def _write(image: Image, name: str, *, kind: str, datum: Datum, folder: Path,
-           acquisition: Acquisition | None, factors: Mapping[str, object]) -> str:
+           acquisition: Acquisition | None, factors: Mapping[str, Any]) -> str:
     """Write a file, complete or not at all; returns what was written."""
     folder.mkdir(parents=True, exist_ok=True)
     stem = folder / f'{name}_{file_stem(image.stamp_ns)}'

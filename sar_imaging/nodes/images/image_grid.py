@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ GRID_PARAMETERS = (
 )
 
 
-def imaging_settings(parameters: Mapping[str, object]) -> Imaging:
+def imaging_settings(parameters: Mapping[str, Any]) -> Imaging:
     """Settings that the parameters describe, the grid among them.
 
     Raises
@@ -64,7 +65,7 @@ TERRAIN_FILE = Parameter(
     'grid.centre_z.')
 
 
-def terrain_heights(parameters: Mapping[str, object], grid: MapGrid) -> np.ndarray | None:
+def terrain_heights(parameters: Mapping[str, Any], grid: MapGrid) -> np.ndarray | None:
     """(n_y, n_x) float64 heights of the pixels in metres, NaN where unknown; None for a plane.
 
     Raises

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -50,7 +50,7 @@ class ImageProducts:
         What the names of the topics begin with.
     """
 
-    def __init__(self, node: Stage, parameters: Mapping[str, object], prefix: str = ''):
+    def __init__(self, node: Stage, parameters: Mapping[str, Any], prefix: str = ''):
         self._parameters = parameters
         self._grid: MapGrid | None = None  # that map_metadata tells
         self._complex = node.create_output(Image, f'{prefix}image_complex', PRODUCT_QOS)

@@ -14,7 +14,7 @@ import functools
 import math
 import time
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from nav_msgs.msg import OccupancyGrid
@@ -94,7 +94,7 @@ class ObstacleProducts:
         Tells latitudes and longitudes of obstacles.
     """
 
-    def __init__(self, node: Stage, parameters: Mapping[str, object], health: Health | Part,
+    def __init__(self, node: Stage, parameters: Mapping[str, Any], health: Health | Part,
                  datum: FrameDatum):
         self._parameters, self._health, self._datum = parameters, health, datum
         self._map = ObstacleMap()
@@ -169,7 +169,7 @@ class ObstacleProducts:
         self._latest = _Look(image, grid, stamp_ns, view, illuminated)
         self._publish()
 
-    def _listened(self) -> list:
+    def _listened(self) -> list[Any]:
         return [p for p in (self._grid_output, self._cloud_output) if p.get_subscription_count()]
 
     def _publish(self) -> None:

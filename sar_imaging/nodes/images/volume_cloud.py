@@ -7,7 +7,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
@@ -55,7 +55,7 @@ class VolumeCloud:
         Tells latitudes and longitudes of points.
     """
 
-    def __init__(self, node: Stage, parameters: Mapping[str, object], health: Health | Part,
+    def __init__(self, node: Stage, parameters: Mapping[str, Any], health: Health | Part,
                  datum: FrameDatum):
         self._parameters, self._health, self._datum = parameters, health, datum
         self._latest: tuple[BrightCells, int, Radiometry | None] | None = None  # and their time

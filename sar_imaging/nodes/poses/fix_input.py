@@ -7,6 +7,7 @@ from __future__ import annotations
 import collections
 import functools
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -25,6 +26,7 @@ from .frame_datum import DatumOutput, FrameDatum
 
 FIX_TOPIC, IMU_TOPIC = 'fix', 'imu'
 _QUEUE_DEPTH = 10_000
+_Numbers = tuple[float, ...]
 _MOST_WAITING = 1000  # fixes that wait for poses at their times
 
 
@@ -65,8 +67,8 @@ class Listener:
         Messages that came, and those of them that were not good.
     """
 
-    def __init__(self, message_type, topic: str, read: Callable, take: Callable[[object], None],
-                 health: Health | Part):
+    def __init__(self, message_type: type, topic: str, read: Callable[[Any], Any],
+                 take: Callable[[Any], None], health: Health | Part):
         self._type, self._read, self._take = message_type, read, take
         self._name = self.topic = topic
         self._health, self._refusal = health, ''
@@ -78,7 +80,7 @@ class Listener:
             self._type, self._name, self._receive,
             QoSProfile(depth=_QUEUE_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)).topic_name
 
-    def _receive(self, message) -> None:
+    def _receive(self, message: Any) -> None:
         self.n_received += 1
         try:
             content = self._read(message)
@@ -94,7 +96,7 @@ class Listener:
         self._take(content)
 
 
-def fix_listener(parameters: Mapping[str, object], take: Callable[[Fix], None],
+def fix_listener(parameters: Mapping[str, Any], take: Callable[[Fix], None],
                  health: Health | Part) -> Listener:
     """Listener to fixes that are good enough."""
     read = functools.partial(fix_from_message, max_std_m=parameters['gnss.max_std_m'])
@@ -123,9 +125,9 @@ class FixPoseSource:
         To the fixes.
     """
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part,
+    def __init__(self, parameters: Mapping[str, Any], health: Health | Part,
                  datum: FrameDatum, with_attitude: bool,
-                 take: Callable[[int, tuple, tuple], None]):
+                 take: Callable[[int, _Numbers, _Numbers], None]):
         self._datum, self._take, self._heading_deg = datum, take, parameters['datum.heading_deg']
         self._poses = FixPoses(
             antenna_m=parameters['gnss.antenna'], with_attitude=with_attitude,
@@ -160,7 +162,7 @@ class FixPoseSource:
         self._poses.datum = self._datum.value
         self._pass_on(self._poses.add_fix(fix))
 
-    def _take_attitude(self, attitude: tuple[int, tuple]) -> None:
+    def _take_attitude(self, attitude: tuple[int, _Numbers]) -> None:
         self._pass_on(self._poses.add_attitude(*attitude))
 
     def _pass_on(self, poses: list[FramePose]) -> None:
@@ -186,7 +188,7 @@ class DatumFinder:
         Good fixes at whose times no pose is known.
     """
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part,
+    def __init__(self, parameters: Mapping[str, Any], health: Health | Part,
                  output: DatumOutput):
         self._health, self._output = health, output
         self._arm_m = np.array(parameters['gnss.antenna'])

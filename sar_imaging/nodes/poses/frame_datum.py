@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
@@ -40,7 +41,7 @@ class FrameDatum:
         Why there is none, with what to do.
     """
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+    def __init__(self, parameters: Mapping[str, Any], health: Health | Part):
         self.value: Datum | None = configured_datum(parameters)
         self._source, self._health = parameters['datum.source'], health
         self._frame = plain_frame(parameters['frame_id'])
@@ -117,7 +118,7 @@ class DatumOutput(FrameDatum):
 class DatumInput(FrameDatum):
     """Listens to the datum that `pulse_buffer` finds; knows at once what parameters give."""
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+    def __init__(self, parameters: Mapping[str, Any], health: Health | Part):
         super().__init__(parameters, health)
         self._refusal = ''
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -47,7 +48,7 @@ class KnownPositions:
         Whether an image waits for more: the worker is then woken from time to time.
     """
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part,
+    def __init__(self, parameters: Mapping[str, Any], health: Health | Part,
                  datum: FrameDatum | None, reach_s: float):
         self._parameters, self._reach_ns = parameters, round(reach_s * 1e9)
         self._of_pulses = parameters['pose.source'] == BLOCK
@@ -74,7 +75,7 @@ class KnownPositions:
 
     def activate(self, node: Stage) -> None:
         """Subscribe to poses, and have the node's worker look from time to time."""
-        def look():
+        def look() -> None:
             if self.awaited:
                 self.awaited = False  # until an image waits again
                 node.wake()

@@ -8,10 +8,13 @@ import collections
 import contextlib
 import time
 from collections.abc import Callable, Mapping, Sequence
+from types import ModuleType
+from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, TransformStamped
 from nav_msgs.msg import Odometry
+from numpy.typing import ArrayLike
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -30,11 +33,12 @@ from .fix_input import PARAMETERS as FIX_PARAMETERS, FixPoseSource
 from .frame_datum import FrameDatum
 
 _PERIOD_S = 0.02
+_Pose = tuple[int, tuple[float, ...], tuple[float, ...]]  # time, position, quaternion
 _MOST_STEPS = 1000  # at once; after a longer pause the rest is a gap
 _STATIC_WAIT_S = 10.0  # for the publisher of a robot's description, which may start later
 
 
-def import_tf(why: str, instead: str):
+def import_tf(why: str, instead: str) -> ModuleType:
     """Module tf2_ros.
 
     Parameters
@@ -97,7 +101,7 @@ def read_lever_arms(node: ManagedNode, body: str, frames: Sequence[str]) -> np.n
     try:
         buffer = tf2_ros.Buffer()
         listener = tf2_ros.TransformListener(buffer, listening)
-        arms: dict[str, tuple] = {}
+        arms: dict[str, tuple[float, float, float]] = {}
         end_s = time.monotonic() + _STATIC_WAIT_S
         while missing := [frame for frame in frames if frame not in arms]:
             if time.monotonic() > end_s:
@@ -132,7 +136,8 @@ class TfSampler:
         Called with time in ns, translation and rotation.
     """
 
-    def __init__(self, node: ManagedNode, frame: str, parameters: Mapping[str, object], take):
+    def __init__(self, node: ManagedNode, frame: str, parameters: Mapping[str, Any],
+                 take: Callable[[int, Any, Any], None]) -> None:
         tf2_ros = import_tf('pose.source is tf', 'set pose.source to odometry or pose')
         self._frame, self._body = frame, parameters['pose.child_frame_id']
         self._step_ns = round(1e9 / parameters['pose.tf_rate_hz'])
@@ -161,10 +166,10 @@ class TfSampler:
         if last_ns != newest_ns:
             self._pass_on(newest_ns, newest)
 
-    def _lookup(self, moment: Time):
+    def _lookup(self, moment: Time) -> TransformStamped:
         return self._buffer.lookup_transform(self._frame, self._body, moment)
 
-    def _pass_on(self, stamp_ns: int, found) -> None:
+    def _pass_on(self, stamp_ns: int, found: TransformStamped) -> None:
         self._take(stamp_ns, found.transform.translation, found.transform.rotation)
 
 
@@ -175,7 +180,7 @@ _CLOCKS_APART_S = 1.0  # more than messages are on their way
 _CLOCK_LOOKS = 3  # in a row: who sends a recording's poses all at once is no wrong clock
 
 
-def _check_arms(values) -> None:
+def _check_arms(values: list[float]) -> None:
     if len(values) % 3:
         raise ValueError(f'{len(values)} numbers; expected x, y, z of one phase centre for all '
                          'channels, or of one for each')
@@ -221,7 +226,7 @@ TRACK_PARAMETERS = tuple(p for p in PARAMETERS if p.name not in (
     'pose.wait_s', 'pose.max_waiting_pulses'))
 
 
-def alignment_from(parameters: Mapping[str, object], node: ManagedNode) -> Alignment:
+def alignment_from(parameters: Mapping[str, Any], node: ManagedNode) -> Alignment:
     """Alignment between poses and pulses that the parameters describe.
 
     Parameters
@@ -236,7 +241,7 @@ def alignment_from(parameters: Mapping[str, object], node: ManagedNode) -> Align
     ConfigurationError
         Frames are named, and tf is not installed or does not know them.
     """
-    def arms(name):
+    def arms(name: str) -> ArrayLike:
         places = lever_arms(parameters, name)
         if not isinstance(places[0], str):
             return places
@@ -247,7 +252,7 @@ def alignment_from(parameters: Mapping[str, object], node: ManagedNode) -> Align
                      range_bias_m=parameters['pose.range_bias_m'])
 
 
-def clock_notice(parameters: Mapping[str, object]) -> str:
+def clock_notice(parameters: Mapping[str, Any]) -> str:
     """That nothing checks the clocks of poses and pulses; empty where autofocus does."""
     with contextlib.suppress(KeyError):  # pulse_buffer alone has no autofocus
         if parameters['autofocus.time_offset']:
@@ -257,7 +262,7 @@ def clock_notice(parameters: Mapping[str, object]) -> str:
             'autofocus.time_offset of backprojection estimates it')
 
 
-def track_from(parameters: Mapping[str, object]) -> PoseTrack:
+def track_from(parameters: Mapping[str, Any]) -> PoseTrack:
     """Empty track with the limits of the parameters."""
     return PoseTrack(max_gap_s=parameters['pose.max_gap_s'], jump_m=parameters['pose.jump_m'])
 
@@ -294,13 +299,13 @@ class PoseInput:
         the images.
     """
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part,
+    def __init__(self, parameters: Mapping[str, Any], health: Health | Part,
                  datum: FrameDatum | None, on_pose: Callable[[], None] = lambda: None,
                  lost: str = 'pulses are dropped meanwhile'):
         self._parameters, self._health, self._on_pose = parameters, health, on_pose
         self._lost = lost
         self._source = parameters['pose.source']
-        self._poses: collections.deque = collections.deque(maxlen=CAPACITY)
+        self._poses: collections.deque[_Pose] = collections.deque(maxlen=CAPACITY)
         with refused('parameter '):
             self._frame = imaging_frame(parameters)
         self._missed = False
@@ -349,7 +354,7 @@ class PoseInput:
         self._poses.clear()
         self._health.forget_causes()
 
-    def take(self) -> list[tuple[int, tuple, tuple]]:
+    def take(self) -> list[_Pose]:
         """Time in ns, position in m and quaternion of the poses that came, oldest first."""
         return [self._poses.popleft() for _ in range(len(self._poses))]
 
@@ -426,10 +431,11 @@ class PoseInput:
         return (f'dropped poses of {self.topic} {what}: grid and images are in frame_id='
                 f'{self._frame}; {advice}send poses in {self._frame}')
 
-    def _take_parts(self, stamp_ns: int, p, q) -> None:
+    def _take_parts(self, stamp_ns: int, p: Any, q: Any) -> None:
         self._take(stamp_ns, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
-    def _take(self, stamp_ns: int, position: tuple, quaternion: tuple) -> None:
+    def _take(self, stamp_ns: int, position: tuple[float, ...], quaternion: tuple[float, ...]
+              ) -> None:
         self._last_s = now = time.monotonic()
         self._newest['pose'], self._other_frame = (stamp_ns, now, now), None
         if self._missed:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -20,7 +21,7 @@ UNTAKEN = 'pulses_untaken'
 PRODUCT_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
 
 
-def header_at(stamp_ns: int, parameters: Mapping[str, object]) -> Header:
+def header_at(stamp_ns: int, parameters: Mapping[str, Any]) -> Header:
     """Header of a product of a time in nanoseconds, in the imaging frame."""
     return Header(stamp=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9),
                   frame_id=parameters['frame_id'])
@@ -46,10 +47,10 @@ class BlockOutput:
         Quality of service, from the parameters.
     """
 
-    def __init__(self, node: ManagedNode, topic: str, parameters: Mapping[str, object],
+    def __init__(self, node: ManagedNode, topic: str, parameters: Mapping[str, Any],
                  health: Tally,
                  to_message: Callable[..., Float32MultiArray] = pulse_block.to_message,
-                 qos: Callable[[Mapping[str, object]], QoSProfile] = stream_qos):
+                 qos: Callable[[Mapping[str, Any]], QoSProfile] = stream_qos):
         self._health, self._to_message = health, to_message
         self._publisher = node.create_output(Float32MultiArray, topic, qos(parameters))
 
@@ -58,7 +59,7 @@ class BlockOutput:
         """Full name of the topic."""
         return self._publisher.topic_name
 
-    def publish(self, product) -> None:
+    def publish(self, product: Any) -> None:
         """Publish a product; without a subscriber no message is made."""
         taken = self._publisher.get_subscription_count() > 0
         if taken:

@@ -301,7 +301,7 @@ class Rates:
 
     KEYS = ('input_pulses_per_s', 'input_megabytes_per_s')
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._since = time.monotonic()
         self._n_pulses = self._n_bytes = 0
 

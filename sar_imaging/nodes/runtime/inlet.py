@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import functools
+from typing import Any
 
 import numpy as np
 
@@ -36,21 +37,21 @@ class Inlet:
     def __init__(self, pulses_per_aperture: int):
         self._length = pulses_per_aperture
 
-    def sound(self, item) -> tuple[object, list[int]]:
+    def sound(self, item: Any) -> tuple[Any, list[int]]:
         """The item without corrupt pulses, and the counters of these."""
         return item, []
 
-    def extent(self, item) -> tuple[float, float]:
+    def extent(self, item: Any) -> tuple[float, float]:
         """Where an item begins in its first aperture and where it ends in its last, 0 to 1."""
         length = self.pulses_per_aperture(item)
         first, last = (counter % length for counter in self.counters(item))
         return first / length, (last + 1) / length
 
-    def pulses_per_aperture(self, item) -> int:
+    def pulses_per_aperture(self, item: Any) -> int:
         """Length of an aperture."""
         return self._length
 
-    def split(self, item, parts: np.ndarray) -> tuple[object | None, object | None]:
+    def split(self, item: Any, parts: np.ndarray) -> tuple[Any, Any]:
         """Item of some parts and item of the others; `parts` is a mask like `apertures`."""
         return (item, None) if parts.all() else (None, item)
 

@@ -14,6 +14,7 @@ import threading
 import traceback
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future as Call
+from typing import Any
 
 import rclpy
 from rcl_interfaces.msg import SetParametersResult
@@ -26,6 +27,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.logging import get_logger
+from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
@@ -130,7 +132,7 @@ class ManagedNode(LifecycleNode):
         """Publish the diagnostics; called once per second in every state."""
         self.health.publish(self.state)
 
-    def create_output(self, message_type, topic: str, qos: QoSProfile,
+    def create_output(self, message_type: type, topic: str, qos: QoSProfile,
                       joined: Callable[[], None] = lambda: None) -> Publisher:
         """Publisher with QoS overrides that reports incompatible subscribers.
 
@@ -141,7 +143,7 @@ class ManagedNode(LifecycleNode):
         ConfigurationError
             A QoS override makes no sense.
         """
-        def matched(event):
+        def matched(event: Any) -> None:
             self.report_match('subscriber', topic, event)
             if event.current_count_change > 0:
                 joined()
@@ -157,8 +159,8 @@ class ManagedNode(LifecycleNode):
         self.outputs.append(publisher)
         return publisher
 
-    def create_input(self, message_type, topic: str, callback: Callable[[object], None],
-                     qos: QoSProfile, **events: Callable[[object], None]) -> Subscription:
+    def create_input(self, message_type: type, topic: str, callback: Callable[[Any], None],
+                     qos: QoSProfile, **events: Callable[[Any], None]) -> Subscription:
         """Subscription with QoS overrides that reports incompatible publishers.
 
         It is destroyed when the node is deactivated.
@@ -184,7 +186,7 @@ class ManagedNode(LifecycleNode):
                                   clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.activity.callback(self.destroy_timer, timer)
 
-    def report_match(self, who: str, topic: str, event) -> None:
+    def report_match(self, who: str, topic: str, event: Any) -> None:
         """Log that a publisher or subscriber joined or left."""
         if event.current_count_change == 0:
             return  # told already: two changes may arrive as one event
@@ -192,7 +194,7 @@ class ManagedNode(LifecycleNode):
         self.health.info(f'{who} on {self.resolve_topic_name(topic)} {change} '
                          f'({event.current_count} now)')
 
-    def report_incompatible_qos(self, topic: str, side: str, event) -> None:
+    def report_incompatible_qos(self, topic: str, side: str, event: Any) -> None:
         """Count and log a publisher or subscriber that cannot be connected.
 
         Parameters
@@ -213,11 +215,11 @@ class ManagedNode(LifecycleNode):
             f'no messages flow on {name}: a {other} another {policy} than the {side} of this '
             f'node; make both the same, here by the parameter {parameter}')
 
-    async def ended(self, call: Call) -> Call:
+    async def ended(self, call: Call[Any]) -> Call[Any]:
         """A call in another thread, once it has ended."""
         done = Future()
 
-        def finish(call):
+        def finish(call: Call[Any]) -> None:
             done.set_result(call)
             if self.executor is not None:
                 self.executor.wake()
@@ -230,7 +232,8 @@ class ManagedNode(LifecycleNode):
         self.health.count(ERRORS)
         self.health.error(f'{what}:\n' + ''.join(traceback.format_exception(error)))
 
-    def set_parameters_atomically(self, parameter_list) -> SetParametersResult:
+    def set_parameters_atomically(self, parameter_list: list[RosParameter]
+                                  ) -> SetParametersResult:
         """As of every node; the reason says which name the node does not know."""
         if unknown := [p.name for p in parameter_list if not self.has_parameter(p.name)]:
             return SetParametersResult(successful=False, reason=self.parameters.unknown(unknown))
@@ -245,7 +248,7 @@ class ManagedNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Check the parameters and make what they describe."""
-        def work():
+        def work() -> None:
             self.health.clear()
             self.parameters.load()
             self.configure()
@@ -316,7 +319,7 @@ class ManagedNode(LifecycleNode):
     def _outlived(self, call: Callable[..., None], what: str) -> Callable[..., None]:
         """A call of the executor whose failure is counted and told; the node lives on."""
         @functools.wraps(call)
-        def outlived(*arguments):
+        def outlived(*arguments: object) -> None:
             try:
                 call(*arguments)
             except Exception as error:

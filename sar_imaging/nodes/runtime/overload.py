@@ -8,6 +8,7 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -87,8 +88,8 @@ class AgeLimit:
         """The limit: what is wanted, or for 0 two apertures."""
         return wanted_s or max(self._APERTURES * self.aperture_s, self.LEAST_S)
 
-    def admit(self, item, received_s: float, now_s: float, wanted_s: float
-              ) -> tuple[object | None, list[int], object | None]:
+    def admit(self, item: Any, received_s: float, now_s: float, wanted_s: float
+              ) -> tuple[Any, list[int], Any]:
         """Decide about an item whose turn has come.
 
         Parameters
@@ -127,7 +128,7 @@ class AgeLimit:
             [not self._verdicts[number].left_out for number in numbers.tolist()]))
         return kept, begun, dropped
 
-    def _begins(self, number: int, item) -> bool:
+    def _begins(self, number: int, item: Any) -> bool:
         """Whether an aperture begins: with a new number, or as the loop of a recording."""
         verdict = self._verdicts.get(number)
         if verdict is None:
@@ -168,7 +169,7 @@ class AgeLimit:
         """How long items at a place waited in the latest aperture that was worked on."""
         return float(np.interp(place, self._done.places, self._done.waits_s))
 
-    def _compare(self, item, place: float, waited_s: float) -> None:
+    def _compare(self, item: Any, place: float, waited_s: float) -> None:
         """Note how long an item waited, beside that at its place in the aperture before."""
         current, counter = self._current, self._inlet.counters(item)[0]
         if not current.places or place > current.places[-1]:
@@ -181,7 +182,7 @@ class AgeLimit:
         self.growing = grows and (counter - self._grows_since
                                   >= _LASTING * self._inlet.pulses_per_aperture(item))
 
-    def _pace(self, item, received_s: float) -> None:
+    def _pace(self, item: Any, received_s: float) -> None:
         counter, stamp_ns = self._inlet.counters(item)[0], self._inlet.stamp_ns(item)
         if self._start is None or not 0 < counter - self._start[0]:
             self._start = counter, stamp_ns, received_s
@@ -227,9 +228,9 @@ class Load(Worker):
         Number of the aperture that is left out at the moment.
     """
 
-    def __init__(self, work: Callable[[object, object, float], None], inlet: Inlet,
-                 parameters: Mapping[str, object], health: Tally,
-                 skip: Callable[[int | None], None], **options):
+    def __init__(self, work: Callable[[Any, Any, float], None], inlet: Inlet,
+                 parameters: Mapping[str, Any], health: Tally,
+                 skip: Callable[[int | None], None], **options: Any) -> None:
         super().__init__(lambda entry: work(entry[0], self._in_time(*entry), entry[1]),
                          capacity=parameters['worker_queue_size'],
                          max_bytes=int(1e6 * parameters['worker_queue_megabytes']), **options)
@@ -244,7 +245,7 @@ class Load(Worker):
     def _limit_s(self) -> float:
         return self._ages.limit_s(self._parameters['max_age_s'])
 
-    def offer(self, item, received_s: float) -> list:
+    def offer(self, item: Any, received_s: float) -> list[Any]:
         """Queue an item with the time at which it came, unless the queue is full.
 
         Returns the items dropped for its sake, itself included.
@@ -266,7 +267,7 @@ class Load(Worker):
                              'slower than the input')
         return dropped
 
-    def _let_in(self, item, received_s: float) -> list:
+    def _let_in(self, item: Any, received_s: float) -> list[Any]:
         if self._policy == BLOCKS:
             return [] if self._enqueue(item, received_s) else [item]
         if self.skipped is not None and self._began_anew(item):
@@ -282,10 +283,10 @@ class Load(Worker):
             return dropped
         return dropped + self._leave_out(kept, received_s)
 
-    def _enqueue(self, item, received_s: float) -> bool:
+    def _enqueue(self, item: Any, received_s: float) -> bool:
         return self.put((item, received_s), self._inlet.n_bytes(item))
 
-    def _began_anew(self, item) -> bool:
+    def _began_anew(self, item: Any) -> bool:
         """Whether a recording loops or the radar restarted within the aperture left out."""
         if (self._inlet.apertures(item) != self.skipped).any():
             return False
@@ -297,7 +298,7 @@ class Load(Worker):
         self.skipped = None
         self.call(lambda: self._skip(None))
 
-    def _leave_out(self, item, received_s: float) -> list:
+    def _leave_out(self, item: Any, received_s: float) -> list[Any]:
         """Leave out the aperture that an item ends in."""
         aperture = int(self._inlet.apertures(item)[-1])
         self.skipped, self._furthest = aperture, self._inlet.extent(item)[1]
@@ -309,14 +310,14 @@ class Load(Worker):
         self.call(lambda: self._skip(aperture))
         return [i for i, _ in waiting] + outside
 
-    def _split(self, item) -> tuple[object | None, list]:
+    def _split(self, item: Any) -> tuple[Any, list[Any]]:
         """What is not of the aperture left out, and what is."""
         if self.skipped is None:
             return item, []
         kept, outside = self._inlet.split(item, self._inlet.apertures(item) != self.skipped)
         return kept, [] if outside is None else [outside]
 
-    def _in_time(self, item, received_s: float):
+    def _in_time(self, item: Any, received_s: float) -> Any:
         """What of an item does not come too late, None for nothing."""
         now = time.monotonic()
         kept, begun, dropped = self._ages.admit(item, received_s, now,

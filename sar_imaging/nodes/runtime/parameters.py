@@ -13,6 +13,7 @@ import difflib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import yaml
 from rcl_interfaces.msg import (
@@ -40,7 +41,8 @@ class ConfigurationError(ValueError):
 
 
 @contextlib.contextmanager
-def refused(what: str = '', errors: type | tuple = ValueError) -> Iterator[None]:
+def refused(what: str = '', errors: type[Exception] | tuple[type[Exception], ...] = ValueError
+            ) -> Iterator[None]:
     """Such errors within are a `ConfigurationError`, whose text begins with `what`."""
     try:
         yield
@@ -77,7 +79,7 @@ class Parameter:
     unit: str = ''
     minimum: float | None = None
     maximum: float | None = None
-    check: Callable[[object], object] | None = None
+    check: Callable[[Any], object] | None = None
     changes: str = CONFIGURE
 
     def descriptor(self) -> ParameterDescriptor:
@@ -104,7 +106,7 @@ class Parameter:
             words += f' from {self.minimum} to {self.maximum}'
         return f'{words} ({self.unit})' if self.unit else words
 
-    def coerce(self, value):
+    def coerce(self, value: object) -> Any:
         """Value as the type of the parameter.
 
         Raises
@@ -134,7 +136,7 @@ def check_vector(values: list[float]) -> None:
 
 def one_of(*choices: str) -> Callable[[object], None]:
     """Check of a parameter that is one of a few words, its attribute `choices`."""
-    def check(value):
+    def check(value: object) -> None:
         if value not in choices:
             raise ValueError(f'{value!r} is unknown; use one of {", ".join(choices)}')
 
@@ -171,7 +173,7 @@ def command_line_parameters(arguments: Sequence[str]) -> list[RosParameter]:
     return list(found.values())
 
 
-class ParameterValues(dict):
+class ParameterValues(dict[str, Any]):
     """Declared parameters of a node and their current values, by name.
 
     Values given at the start are declared as they are, so that a node without an impossible
@@ -244,7 +246,7 @@ class ParameterValues(dict):
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def _check_one(self, parameter: Parameter, value) -> None:
+    def _check_one(self, parameter: Parameter, value: object) -> None:
         value = parameter.coerce(value)
         if (self._configured and parameter.changes == CONFIGURE
                 and value != self[parameter.name]):
@@ -263,7 +265,7 @@ BACKEND = Parameter(
     f'{AUTO}: whichever is quicker.', check=one_of(AUTO, 'cpu', CUDA))
 
 
-def backend_of(parameters: Mapping[str, object]) -> str:
+def backend_of(parameters: Mapping[str, Any]) -> str:
     """Backend that the parameters name.
 
     Raises

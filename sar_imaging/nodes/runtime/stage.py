@@ -13,7 +13,8 @@ import functools
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future as Call, ThreadPoolExecutor
+from typing import Any
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.exceptions import NotInitializedException
@@ -23,7 +24,7 @@ from std_msgs.msg import Float32MultiArray, UInt32
 from std_srvs.srv import Trigger
 
 from msg_conversions import WireFormatError
-from msg_conversions.wire import DEFAULT_MAX_ELEMENTS
+from msg_conversions.layout import DEFAULT_MAX_ELEMENTS
 
 from ...backends import DeviceError
 from ...compilation import SLOWLY, MissingNumbaError, counted, interruptible
@@ -178,7 +179,7 @@ class Stage(ManagedNode):
     INPUT_QOS = staticmethod(stream_qos)
     STEPS: tuple[type[Step], ...]
 
-    def __init__(self):
+    def __init__(self) -> None:
         alone = len(self.STEPS) == 1
         super().__init__(
             parameters=_joined(self.STEPS),
@@ -298,7 +299,7 @@ class Stage(ManagedNode):
         if self._worker.look():  # not a second later
             self.publish_diagnostics()
 
-    def _work(self, item, kept, received_s: float) -> None:
+    def _work(self, item: Any, kept: Any, received_s: float) -> None:
         if kept is not None:
             self._chain.steps[0].work(kept, received_s)
         self._progress.publish(UInt32(data=self._inlet.counters(item)[1]))
@@ -308,7 +309,7 @@ class Stage(ManagedNode):
         self.health.tell(REJECTION, str(error))
         self.health.warning(f'rejected {which} of {self.resolve_topic_name(self.INPUT)}: {error}')
 
-    def _called(self, future) -> None:
+    def _called(self, future: Call[Any]) -> None:
         if not future.cancelled() and future.exception() is not None:
             self._work_failed(future.exception())
 
@@ -323,8 +324,7 @@ class Stage(ManagedNode):
 
     # ------------------------------------------------------------------------- services
 
-    async def _in_worker(self, work: Callable[[], tuple[bool, object]]
-                         ) -> tuple[bool, object]:
+    async def _in_worker(self, work: Callable[[], tuple[bool, Any]]) -> tuple[bool, Any]:
         if self._worker is None:
             return False, f'the node is {self.state}; activate it first'
         call = await self.ended(self._worker.call(work))
@@ -335,8 +335,9 @@ class Stage(ManagedNode):
             return False, f'{call.exception()}; see the log'
         return call.result()
 
-    async def _save(self, request, response):
-        def prepare():
+    async def _save(self, request: Trigger.Request, response: Trigger.Response
+                    ) -> Trigger.Response:
+        def prepare() -> tuple[bool, Any]:
             try:
                 return True, self._chain.steps[-1].saving()
             except ValueError as error:
@@ -358,18 +359,20 @@ class Stage(ManagedNode):
             self._work_failed(error)
         return response
 
-    async def _form_image(self, request, response):
+    async def _form_image(self, request: Trigger.Request, response: Trigger.Response
+                          ) -> Trigger.Response:
         response.success, response.message = await self._in_worker(
             lambda: self._chain.form_image())
         return response
 
-    async def _reset(self, request, response):
+    async def _reset(self, request: Trigger.Request, response: Trigger.Response
+                     ) -> Trigger.Response:
         waiting = self._worker.clear() if self._worker is not None else []
         response.success, response.message = await self._in_worker(
             lambda: (True, self._report_discarded('reset', waiting, self._chain.discard())))
         return response
 
-    def _report_discarded(self, why: str, waiting: list[tuple[object, float]],
+    def _report_discarded(self, why: str, waiting: list[tuple[Any, float]],
                           n_underway: int) -> str:
         n_waiting = sum(item.n_pulses for item, _ in waiting)
         self.health.count('pulses_discarded', n_waiting + n_underway)
@@ -380,7 +383,7 @@ class Stage(ManagedNode):
 
     # ------------------------------------------------------------------------- events, diagnostics
 
-    def _message_lost(self, event) -> None:
+    def _message_lost(self, event: Any) -> None:
         self.health.count('messages_lost', event.total_count_change)
         self.health.warning(f'the middleware lost {event.total_count_change} messages of '
                             f'{self.resolve_topic_name(self.INPUT)}; raise queue_depth at '

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
@@ -71,7 +71,7 @@ class Step:
     SAVE_SERVICE = ''
     _reject: Callable[[str, Exception], None]  # by the chain
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+    def __init__(self, parameters: Mapping[str, Any], health: Health | Part):
         self.parameters = parameters
         self.health = health
         self.received_s = 0.0
@@ -80,7 +80,7 @@ class Step:
         self._told: list[str] | None = None  # products of a call of `Chain.form_image`, in words
 
     @classmethod
-    def create(cls, parameters: Mapping[str, object], health: Health | Part) -> Step:
+    def create(cls, parameters: Mapping[str, Any], health: Health | Part) -> Step:
         """Step of this class, or of the subclass that the parameters ask for."""
         return cls(parameters, health)
 
@@ -93,7 +93,7 @@ class Step:
         What is not undone by the node itself goes to `ManagedNode.activity`.
         """
 
-    def work(self, item, received_s: float) -> None:
+    def work(self, item: Any, received_s: float) -> None:
         """Process an item and hand on what became complete.
 
         Parameters
@@ -114,7 +114,7 @@ class Step:
         self.hand_on(products)
         self.hand_on(self.prepare())
 
-    def hand_on(self, products: Iterable) -> None:
+    def hand_on(self, products: Iterable[Any]) -> None:
         """Publish products, each before the next step works on it."""
         for product in products:
             self.publish(product)
@@ -130,7 +130,7 @@ class Step:
             return None
         return self._idle_since_s + self.parameters[self.IDLE_PARAMETER]
 
-    def process(self, item) -> list:
+    def process(self, item: Any) -> list[Any]:
         """Work on an item and return the products that became complete.
 
         Raises
@@ -141,10 +141,10 @@ class Step:
         """
         raise NotImplementedError(f'{type(self).__name__} must implement process')
 
-    def publish(self, product) -> None:
+    def publish(self, product: Any) -> None:
         """Publish a product for whoever listens."""
 
-    def prepare(self) -> list:
+    def prepare(self) -> list[Any]:
         """Get ready for the next item, once the products of the last one went on.
 
         Returns
@@ -154,15 +154,15 @@ class Step:
         """
         return []
 
-    def flush(self) -> list:
+    def flush(self) -> list[Any]:
         """Products of what is underway: the input pauses, or somebody asks."""
         return []
 
-    def collect(self) -> list:
+    def collect(self) -> list[Any]:
         """Products that became complete otherwise than by an item; after `Stage.wake`."""
         return []
 
-    def describe(self, product) -> str:
+    def describe(self, product: Any) -> str:
         """A product in words."""
         raise NotImplementedError(f'{type(self).__name__} must implement describe')
 
@@ -182,7 +182,7 @@ class Step:
         """
         raise NotImplementedError(f'{type(self).__name__} must implement saving')
 
-    def skip(self, aperture: int | None) -> list:
+    def skip(self, aperture: int | None) -> list[Any]:
         """Leave out an aperture that the machine cannot keep up with, None for none any more.
 
         Returns
@@ -246,12 +246,12 @@ class LiveStep(Step):
     WORK, UNDERWAY = 'image', 'filled'
     live: ApertureSequence | LiveFusion
 
-    def __init__(self, parameters: Mapping[str, object], health: Health | Part):
+    def __init__(self, parameters: Mapping[str, Any], health: Health | Part):
         super().__init__(parameters, health)
         self._seconds = 0.0  # of work since the last product
         self._dropped = False  # by the latest flush
 
-    def flush(self) -> list:
+    def flush(self) -> list[Any]:
         """Close the aperture: the input pauses, or somebody asks."""
         dropped = self.live.statistics.apertures_dropped
         products = self.follow(self.live.flush)
@@ -267,7 +267,7 @@ class LiveStep(Step):
         return ('the aperture has fewer pulses than min_pulse_fraction='
                 f'{self.parameters["min_pulse_fraction"]:g} of it and was dropped')
 
-    def skip(self, aperture: int | None) -> list:
+    def skip(self, aperture: int | None) -> list[Any]:
         """Leave out an aperture; see `Step`."""
         if aperture is not None and self.live.filling == aperture:
             self.health.count('pulses_skipped', self.discard())
@@ -284,7 +284,7 @@ class LiveStep(Step):
         """Take the statistics over."""
         self.show(self.live.statistics, self.STATISTICS)
 
-    def follow(self, work: Callable[..., list], *arguments) -> list:
+    def follow(self, work: Callable[..., list[Any]], *arguments: object) -> list[Any]:
         """Products of some work, whose time counts and whose events are logged."""
         for name in self.LIVE_PARAMETERS:
             setattr(self.live, name, self.parameters[name])
@@ -362,12 +362,12 @@ class Chain:
         return n_pulses
 
 
-def stream_qos(parameters: Mapping[str, object]) -> QoSProfile:
+def stream_qos(parameters: Mapping[str, Any]) -> QoSProfile:
     """Reliable, keeping the last `queue_depth` messages."""
     return QoSProfile(depth=parameters['queue_depth'], reliability=ReliabilityPolicy.RELIABLE)
 
 
-def subaperture_qos(parameters: Mapping[str, object]) -> QoSProfile:
+def subaperture_qos(parameters: Mapping[str, Any]) -> QoSProfile:
     """Reliable, keeping the sub-apertures of an aperture, which come in one burst when planned.
 
     An aperture has no more of them than pulses. The depth takes no memory until messages wait.

@@ -11,6 +11,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable
+from typing import Any
 
 from ...compilation import numba
 
@@ -23,7 +24,7 @@ class _Call:
     """A function to call between two items."""
 
     function: Callable[[], object]
-    future: concurrent.futures.Future
+    future: concurrent.futures.Future[Any]
 
     def run(self) -> None:
         if self.future.set_running_or_notify_cancel():
@@ -68,7 +69,8 @@ class Worker:
         self._on_idle = on_idle
         self._idle_s = idle_s
         self._background = background
-        self._items: collections.deque = collections.deque()  # calls, and items with their bytes
+        # calls, and items with their bytes
+        self._items: collections.deque[Any] = collections.deque()
         self._n_items = self._n_bytes = 0
         self._in_work: object | None = None
         self._changed = threading.Condition()
@@ -79,7 +81,7 @@ class Worker:
         """Start the thread."""
         self._thread.start()
 
-    def put(self, item, n_bytes: int = 0) -> bool:
+    def put(self, item: Any, n_bytes: int = 0) -> bool:
         """Add an item; False when the queue is full and the item was not taken."""
         with self._changed:
             if self._n_items and (self._n_items >= self._capacity
@@ -91,7 +93,7 @@ class Worker:
             self._changed.notify()
         return True
 
-    def call(self, function: Callable[[], object]) -> concurrent.futures.Future:
+    def call(self, function: Callable[[], object]) -> concurrent.futures.Future[Any]:
         """Call a function in the worker's thread, once what waits now is done.
 
         Its result or exception goes into the future, which is cancelled when the worker stops
@@ -129,7 +131,7 @@ class Worker:
         """How full the queue is, 0 to 1, by number or by memory."""
         return max(self._n_items / self._capacity, min(self._n_bytes / self._max_bytes, 1.0))
 
-    def clear(self, which: Callable[[object], bool] = lambda item: True) -> list:
+    def clear(self, which: Callable[[Any], bool] = lambda item: True) -> list[Any]:
         """Discard the items that wait and return them, or some of them; calls stay."""
         removed, kept = [], collections.deque()
         with self._changed:
@@ -141,7 +143,7 @@ class Worker:
             self._items = kept
         return removed
 
-    def stop(self, patience_s: float | None = None) -> list:
+    def stop(self, patience_s: float | None = None) -> list[Any]:
         """Finish the item in work, join the thread and return the items that were not begun.
 
         Parameters
@@ -161,7 +163,7 @@ class Worker:
         self._items.clear()
         return left
 
-    def _leave(self, queued):
+    def _leave(self, queued: Any) -> Any:
         """Item of an entry that leaves the queue."""
         item, n_bytes = queued
         self._n_items -= 1
@@ -187,7 +189,7 @@ class Worker:
             elif (remaining := self._idle_s()) is not None and remaining <= 0.0:
                 self._guarded(self._on_idle)
 
-    def _guarded(self, function: Callable, *arguments) -> None:
+    def _guarded(self, function: Callable[..., Any], *arguments: object) -> None:
         try:
             function(*arguments)
         except Exception as error:  # whatever one block does, the thread lives on
@@ -213,7 +215,7 @@ def aside(work: Callable[[], None], name: str) -> None:
     name : str
         Name of the thread.
     """
-    def run():
+    def run() -> None:
         _step_back()
         numba.set_num_threads(1)
         work()
