@@ -25,7 +25,8 @@ def check_companion() -> None:
     """
     beside = Path(__file__).resolve().parents[1] / NAME
     spec = importlib.util.find_spec(NAME)
-    found = list(spec.submodule_search_locations or [spec.origin]) if spec else []
+    places = (spec.submodule_search_locations or (spec.origin,)) if spec else ()
+    found = [place for place in places if place]
     if any((Path(folder) / MARKER).is_file() for folder in found):
         return
     if not found:

@@ -19,6 +19,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any, NoReturn
 
 _OLDEST_NUMBA = (0, 58)
 _TELL_EVERY_S = 5.0
@@ -51,7 +52,7 @@ def require_numba(what: str) -> None:
         raise MissingNumbaError(f'{what} needs Numba: {MISSING}')
 
 
-def _refusing(**_):
+def _refusing(**_: object) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """What stands for `numba.njit`: functions that ask for Numba when they are called."""
     return lambda function: lambda *_, **__: require_numba(function.__module__)
 
@@ -192,7 +193,8 @@ class _DistinctCompiler(_WideCompiler):
         self.state.flags.noalias = True
 
 
-def njit(function: Callable | None = None, *, distinct: bool = False, **options):
+def njit(function: Callable[..., Any] | None = None, *, distinct: bool = False, **options: Any
+         ) -> Any:
     """`numba.njit` that releases the GIL, caches on disk and may reassociate sums.
 
     Arrays of the arguments are taken for memory that does not overlap where they are `distinct`.
@@ -208,7 +210,7 @@ def njit(function: Callable | None = None, *, distinct: bool = False, **options)
     return _cached(numba.njit(pipeline_class=compiler_class, **options), function)
 
 
-def kernel_part(function: Callable | None = None, **options):
+def kernel_part(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """`njit` of a function that compiled functions alone call, such as the body of a loop.
 
     It becomes machine code within those, not once more by itself, and without what Python calls.
@@ -221,17 +223,17 @@ def kernel_part(function: Callable | None = None, **options):
     return compiled
 
 
-def _refuse_call(name: str, *_, **__):
+def _refuse_call(name: str, *_: object, **__: object) -> NoReturn:
     raise TypeError(f'{name} is called by compiled functions alone')
 
 
-def cfunc(signature, **options):
+def cfunc(signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]:
     """`numba.cfunc` with the same vectors and cache as `njit`."""
     return functools.partial(_cached, numba.cfunc(signature, cache=True,
                                                   pipeline_class=_WideCompiler, **options))
 
 
-def _cached(decorate: Callable, function: Callable):
+def _cached(decorate: Callable[..., Any], function: Callable[..., Any]) -> Any:
     """Decorate; where Numba has no place for machine code, it is kept in a temporary folder.
 
     Numba writes it beside the modules or below the home folder, unless NUMBA_CACHE_DIR names a
@@ -262,7 +264,7 @@ class _CacheFile(caching.IndexDataCacheFile):
         return found
 
 
-def _with_installed(compiled):
+def _with_installed(compiled: Any) -> Any:
     """Have a function read what was compiled into an installation that it may not write to."""
     file = getattr(getattr(compiled, '_cache', None), '_cache_file', None)
     if file is not None and not config.CACHE_DIR:
@@ -345,7 +347,8 @@ class _Compilations(event.Listener):
         pass
 
 
-def counted(tell: Callable[[], object] = lambda: None):
+def counted(tell: Callable[[], object] = lambda: None
+            ) -> contextlib.AbstractContextManager[_Compilations]:
     """Count the functions that are compiled within a ``with`` block: attribute `n` of its value.
 
     Functions that come from the cache do not count.
@@ -359,7 +362,7 @@ def counted(tell: Callable[[], object] = lambda: None):
 
 
 class _Announcements(_Compilations):
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__(lambda: None)
         self._begun_s = self._due_s = 0.0
 
@@ -390,7 +393,7 @@ def _tell(text: str) -> None:
     _logger.log(logging.WARNING if waits else logging.INFO, text)
 
 
-def _folder_of(dispatcher) -> str:
+def _folder_of(dispatcher: object) -> str:
     folder = config.CACHE_DIR or getattr(getattr(dispatcher, '_cache', None), 'cache_path', None)
     return str(folder or 'this process alone')
 

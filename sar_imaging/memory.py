@@ -15,7 +15,7 @@ from pathlib import Path
 try:
     import resource
 except ImportError:  # not a Unix system
-    resource = None
+    resource = None  # type: ignore[assignment]  # what is a module elsewhere
 
 IMAGE_BYTES = 8  # of a pixel, complex64
 PUBLISHED_BYTES = 3 * IMAGE_BYTES  # image, its message, the message serialised

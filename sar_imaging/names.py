@@ -8,6 +8,7 @@ import difflib
 import importlib
 import warnings
 from collections.abc import Callable, Iterable
+from typing import Any
 
 
 def advice_on(name: object, known: Iterable[str]) -> str:
@@ -57,7 +58,7 @@ def moved(module: str, home: str, names: Iterable[str] = (), **renamed: str
     """
     present = {name: name for name in names} | renamed
 
-    def find(name: str):
+    def find(name: str) -> Any:
         if name not in present:
             raise AttributeError(f'module {module!r} has no attribute {name!r}')
         where, _, called = present[name].rpartition(':')

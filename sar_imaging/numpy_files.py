@@ -15,7 +15,7 @@ import os
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO
 
 import numpy as np
 
@@ -107,7 +107,7 @@ class Npz:
             return _read(file, member.file_size, told)
 
 
-def _read(file: BinaryIO, n_bytes: int, name: str) -> np.ndarray:
+def _read(file: IO[bytes], n_bytes: int, name: str) -> np.ndarray:
     start = file.read(np.lib.format.MAGIC_LEN)
     if not start.startswith(np.lib.format.MAGIC_PREFIX):
         raise ValueError(f'{name} is no NumPy file, whatever its name says; expected what '
@@ -130,6 +130,6 @@ def _read(file: BinaryIO, n_bytes: int, name: str) -> np.ndarray:
     view = out.view(np.uint8)
     for first in range(0, len(view), _PIECE):
         piece = view[first:first + _PIECE]
-        if file.readinto(piece) != len(piece):
+        if file.readinto(piece) != len(piece):  # type: ignore[attr-defined]  # as files have it
             raise ValueError(f'{name} ends early; it is truncated or damaged')
     return out.reshape(shape, order='F' if by_columns else 'C')

@@ -14,6 +14,7 @@ import re
 from collections.abc import Iterator, Mapping as AnyMapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -30,7 +31,7 @@ class RepeatedKeyError(yaml.MarkedYAMLError):
     """A mapping has a key twice; its `problem` and `problem_mark` say which and where."""
 
 
-class Mapping(dict):
+class Mapping(dict[Any, Any]):
     """A mapping of a YAML text that knows where its keys stand.
 
     Attributes
@@ -41,10 +42,10 @@ class Mapping(dict):
         What stands there for each value that is neither a mapping nor a list, by the same keys.
     """
 
-    def __init__(self, *arguments, **keywords):
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
-        self.lines: dict = {}
-        self.written: dict = {}
+        self.lines: dict[object, int] = {}
+        self.written: dict[object, str] = {}
 
 
 def line_of(mapping: object, key: object) -> int | None:
@@ -74,11 +75,12 @@ class Loader(yaml.SafeLoader):
 
     _level = 0
 
-    def compose_node(self, parent, index):
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         """Node of the next events; see `yaml.SafeLoader`."""
         self._level += 1
         if self._level > _DEEPEST:
-            raise _refusal(f'it is nested deeper than {_DEEPEST} levels', self.peek_event())
+            event = self.peek_event()  # type: ignore[no-untyped-call]  # of types-PyYAML
+            raise _refusal(f'it is nested deeper than {_DEEPEST} levels', event)
         node = super().compose_node(parent, index)
         self._level -= 1
         return node
@@ -91,7 +93,7 @@ class Loader(yaml.SafeLoader):
         return node
 
 
-def _mapping(loader: Loader, node: yaml.MappingNode):
+def _mapping(loader: Loader, node: yaml.MappingNode) -> Iterator[Mapping]:
     content = Mapping()
     yield content  # an alias within it may name it already
     content.update(loader.construct_mapping(node))
@@ -134,7 +136,8 @@ def _expanded(node: yaml.Node | None, known: dict[int, int]) -> int:
 
 
 def _refusal(problem: str, place: yaml.Node | yaml.Event) -> yaml.MarkedYAMLError:
-    return yaml.MarkedYAMLError(None, None, problem, place.start_mark)
+    mark: Any = place.start_mark  # of Python or C
+    return yaml.MarkedYAMLError(None, None, problem, mark)
 
 
 def _refuse_repeated_keys(node: yaml.Node | None) -> None:
@@ -147,7 +150,7 @@ def _refuse_repeated_keys(node: yaml.Node | None) -> None:
         if isinstance(node, yaml.SequenceNode):
             waiting += node.value
             continue
-        first: dict[tuple, int] = {}
+        first: dict[tuple[str, str], int] = {}
         for key, value in node.value:
             waiting += [key, value]
             if not isinstance(key, yaml.ScalarNode):
@@ -160,7 +163,7 @@ def _refuse_repeated_keys(node: yaml.Node | None) -> None:
             first[name] = line
 
 
-def load_yaml(text: str):
+def load_yaml(text: str) -> Any:
     """Content of a YAML text, one document; its mappings are `Mapping`.
 
     Raises
@@ -176,7 +179,7 @@ def load_yaml(text: str):
         raise yaml.MarkedYAMLError(problem=told(error)) from error
 
 
-def read_yaml(path: Path | str, *, most_bytes: int = MOST_TEXT_BYTES):
+def read_yaml(path: Path | str, *, most_bytes: int = MOST_TEXT_BYTES) -> Any:
     """Content of a YAML file; its mappings are `Mapping`.
 
     Raises
@@ -234,9 +237,9 @@ class Value:
 
     origin: Path | str
     key: str
-    content: object
+    content: Any
     refusal: type[Exception] = ValueError
-    parent: object = None
+    parent: Any = None
     at: object = None
     line: int | None = None
 
