@@ -28,7 +28,7 @@ _OF_PYTHON = (  # within texts, and what a person reads in their place
 _inputs: dict[tuple[int, int], Path] | None = None  # device and inode; None outside of commands
 
 
-def check_file(path: Path | str, most_bytes: int = sys.maxsize) -> None:
+def check_file(path: os.PathLike[str] | str, most_bytes: int = sys.maxsize) -> None:
     """Refuse what is no regular file of a sensible size: devices and pipes never end.
 
     Parameters
@@ -57,7 +57,7 @@ def check_file(path: Path | str, most_bytes: int = sys.maxsize) -> None:
         _inputs[status.st_dev, status.st_ino] = Path(path).resolve()
 
 
-def read_text(path: Path | str, most_bytes: int = MOST_TEXT_BYTES) -> str:
+def read_text(path: os.PathLike[str] | str, most_bytes: int = MOST_TEXT_BYTES) -> str:
     """Text of a file that people write.
 
     Raises
@@ -71,7 +71,7 @@ def read_text(path: Path | str, most_bytes: int = MOST_TEXT_BYTES) -> str:
 
 
 @contextlib.contextmanager
-def reading(path: Path | str, what: str, error: type[Exception] = ValueError) -> Iterator[None]:
+def reading(path: os.PathLike[str] | str, what: str, error: type[Exception] = ValueError) -> Iterator[None]:
     """Let whatever goes wrong while a file is read be one line of one exception with its name.
 
     Damaged and hostile files make the libraries that read them raise anything: within the block
@@ -99,7 +99,7 @@ def reading(path: Path | str, what: str, error: type[Exception] = ValueError) ->
 
 
 @contextlib.contextmanager
-def naming(path: Path | str, trouble: str, error: type[Exception] = ValueError) -> Iterator[None]:
+def naming(path: os.PathLike[str] | str, trouble: str, error: type[Exception] = ValueError) -> Iterator[None]:
     """As `reading`, for what is done with a file that is open; `trouble` follows its name."""
     try:
         yield
@@ -164,7 +164,7 @@ def protecting_inputs() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def replacing(path: Path | str, *, folder: bool = False) -> Iterator[Path]:
+def replacing(path: os.PathLike[str] | str, *, folder: bool = False) -> Iterator[Path]:
     """Make a file or a folder completely, then put it in its place at once.
 
     A link in its place is replaced, what it leads to is left alone.
@@ -196,7 +196,7 @@ def replacing(path: Path | str, *, folder: bool = False) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def filling(folder: Path | str) -> Iterator[Path]:
+def filling(folder: os.PathLike[str] | str) -> Iterator[Path]:
     """Make files of a folder, all of them or none; the folder is made where it is missing.
 
     Parameters

@@ -58,13 +58,16 @@ class RevisableImage:
     Raises
     ------
     ValueError
-        The geometry does not allow the target.
+        The geometry does not allow the target, or the block has no phase centres.
     """
 
     def __init__(self, grid: MapGrid | PolarGrid, block: PulseBlock, *, target_db: float = -50.0,
                  pulses_per_subaperture: int | None = None, backend: str | Backend = AUTO):
         self._asked: dict[str, Any] = {'method': AFBP, 'target_db': target_db, 'backend': backend,
                        'pulses_per_subaperture': pulses_per_subaperture}
+        if not block.has_positions:
+            raise ValueError('the block has no phase centres; expected transmit and receive '
+                             'position of every pulse and channel')
         self._backend = find_backend(backend)
         self._grid, self.block, self.plans_made = grid, block, 0
         self._image_anew()

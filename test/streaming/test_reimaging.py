@@ -114,3 +114,8 @@ def test_the_backend_that_was_asked_for_computes(case):
         images.append(revisable.image().samples)
     assert made == [*range(revisable.n_subapertures), 0]
     np.testing.assert_array_equal(*images)
+
+
+def test_pulses_without_phase_centres_are_refused(case):
+    with pytest.raises(ValueError, match='no phase centres'):
+        RevisableImage(case.grid, dataclasses.replace(case.block, tx_m=None, rx_m=None))
