@@ -71,7 +71,8 @@ def read_text(path: os.PathLike[str] | str, most_bytes: int = MOST_TEXT_BYTES) -
 
 
 @contextlib.contextmanager
-def reading(path: os.PathLike[str] | str, what: str, error: type[Exception] = ValueError) -> Iterator[None]:
+def reading(path: os.PathLike[str] | str, what: str, error: type[Exception] = ValueError
+            ) -> Iterator[None]:
     """Let whatever goes wrong while a file is read be one line of one exception with its name.
 
     Damaged and hostile files make the libraries that read them raise anything: within the block
@@ -99,7 +100,8 @@ def reading(path: os.PathLike[str] | str, what: str, error: type[Exception] = Va
 
 
 @contextlib.contextmanager
-def naming(path: os.PathLike[str] | str, trouble: str, error: type[Exception] = ValueError) -> Iterator[None]:
+def naming(path: os.PathLike[str] | str, trouble: str, error: type[Exception] = ValueError
+           ) -> Iterator[None]:
     """As `reading`, for what is done with a file that is open; `trouble` follows its name."""
     try:
         yield
