@@ -14,7 +14,7 @@ import functools
 import importlib
 import logging
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..planning.costs import tell_costs
 from .device import DeviceError, device_backend, require_device
@@ -97,7 +97,7 @@ def _compiles() -> bool:
     return not SLOWLY
 
 
-def optional_entry(name: str | Backend, entry: str) -> Callable:
+def optional_entry(name: str | Backend, entry: str) -> Callable[..., Any]:
     """Find an entry of a backend that it may lack, such as correlation.
 
     Parameters

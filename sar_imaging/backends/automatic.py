@@ -12,6 +12,8 @@ import dataclasses
 import logging
 import os
 from collections.abc import Mapping
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -35,17 +37,18 @@ DEVICE_ARRAYS = True  # are taken where a device computes, and where it fails
 GROUPS = False  # of echoes: plans are for either
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> Any:
     return getattr(cpu, name)
 
 
-def quicker(plan: Plan) -> Backend:
+def quicker(plan: Plan) -> Backend | ModuleType:
     """The backend that computes a plan sooner, by predicted times; the log says why."""
     there = device.device_backend()
     return _sooner(there, there.seconds(plan), plan.seconds, 'the image')
 
 
-def _sooner(there: Backend, device_s: float, thread_s: float, what: str) -> Backend:
+def _sooner(there: Backend | ModuleType, device_s: float, thread_s: float, what: str
+            ) -> Backend | ModuleType:
     """The device's backend where its predicted time is less than that of all processors."""
     here_s = thread_s / _processors()
     chosen = there if device_s < here_s else cpu
@@ -64,7 +67,7 @@ class Backprojection:
         Backend that computes the plan: ``'cuda'`` or ``'cpu'``.
     """
 
-    def __init__(self, plan: BackprojectionPlan, memory: object = None):
+    def __init__(self, plan: BackprojectionPlan, memory: object = None) -> None:
         self.plan, self._memory = plan, memory
         self.name, self._sum = 'cpu', None
         chosen = quicker(plan)
@@ -81,7 +84,8 @@ class Backprojection:
         """Work space of the processor's backend, see `backends.protocol.Backprojection`."""
         return self._memory if self._sum is None or self.name == 'cuda' else self._sum.memory
 
-    def add(self, samples, tx_m, rx_m, image) -> None:
+    def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray
+            ) -> None:
         """Add echoes to an image, see `backends.protocol.Backprojection`."""
         if self.name == 'cuda':
             try:
@@ -100,7 +104,8 @@ class Backprojection:
 class _Handed:
     """Work that a device begins and the processor goes on with where the device fails."""
 
-    def __init__(self, device_s: float, thread_s: float, what: str, *made, **options):
+    def __init__(self, device_s: float, thread_s: float, what: str, *made: Any, **options: Any
+                 ) -> None:
         self._made, self._options, self._on_device, self._work = made, options, False, None
         there = device.device_backend()
         if _sooner(there, device_s, thread_s, what) is not cpu:
@@ -114,11 +119,11 @@ class _Handed:
         if self._work is None:
             self._work = self._begin_here()
 
-    def _begin_here(self):
+    def _begin_here(self) -> Any:
         """The processor's, as far as the work has come."""
         return getattr(cpu, type(self).__name__)(*map(_here, self._made), **self._options)
 
-    def _do(self, entry: str, *arguments):
+    def _do(self, entry: str, *arguments: Any) -> Any:
         if self._on_device:
             try:
                 return getattr(self._work, entry)(*arguments)
@@ -131,7 +136,7 @@ class _Handed:
 class SubapertureImager(_Handed):
     """Images of sub-apertures where they are formed, see `backends.protocol.SubapertureImager`."""
 
-    def __init__(self, plan: SubaperturePlan):
+    def __init__(self, plan: SubaperturePlan) -> None:
         self.plan = plan
         n_echoes = plan.sampling.pulses[0].stop * plan.n_channels
         counts = plan.image_operations(n_echoes)
@@ -139,7 +144,8 @@ class SubapertureImager(_Handed):
         super().__init__(_device_seconds({**counts, 'subaperture': 1}, n_bytes),
                          costs().seconds(counts), 'a sub-aperture image', plan)
 
-    def image(self, number: int, block, weights=None, out=None) -> np.ndarray:
+    def image(self, number: int, block: PulseBlock, weights: np.ndarray | None = None,
+              out: np.ndarray | None = None) -> np.ndarray:
         """See `backends.protocol.SubapertureImager`."""
         return self._do('image', number, block, weights, out)
 
@@ -151,8 +157,9 @@ class SpectrumFusion(_Handed):
     host's memory, so that the processor can go on with it.
     """
 
-    def __init__(self, grid: UnifiedPolarGrids, *, keep: bool = False):
-        self.grid, self._added = grid, {}
+    def __init__(self, grid: UnifiedPolarGrids, *, keep: bool = False) -> None:
+        self.grid = grid
+        self._added: dict[int, tuple[np.ndarray, float]] = {}
         counts = grid.operations(1)
         super().__init__(
             _device_seconds(counts, _BYTES * grid.polar.n_alpha * grid.polar.n_range),
@@ -163,7 +170,7 @@ class SpectrumFusion(_Handed):
         """Sub-apertures in the image."""
         return self._work.included
 
-    def add(self, number: int, image, centre_m: float) -> None:
+    def add(self, number: int, image: np.ndarray, centre_m: float) -> None:
         """See `backends.protocol.SpectrumFusion`."""
         self._do('add', number, image, centre_m)
         if self._added:  # the device is done with it
@@ -191,7 +198,7 @@ class SpectrumFusion(_Handed):
         self._do('clear')
         self._added.clear()
 
-    def _begin_here(self):
+    def _begin_here(self) -> Any:
         made = super()._begin_here()
         for number, added in self._added.items():
             made.add(number, *map(_fetched, added))
@@ -201,7 +208,7 @@ class SpectrumFusion(_Handed):
 class TrialImages(_Handed):
     """Quick images for a search, see `backends.protocol.TrialImages`: some hundred of them."""
 
-    def __init__(self, radar: RadarParameters, samples):
+    def __init__(self, radar: RadarParameters, samples: np.ndarray) -> None:
         pixels = samples[..., 0].size * _TRIALS * _TRIAL_PIXELS
         counts = {'point_pixel': pixels, 'image': _TRIALS}
         super().__init__(_device_seconds(counts, _BYTES * samples.size), costs().seconds(counts),
@@ -212,7 +219,8 @@ class TrialImages(_Handed):
         """Pixels of a piece of a line."""
         return self._work.length
 
-    def image(self, tx_m, rx_m, starts_m, step_m, range_bias_m: float = 0.0) -> np.ndarray:
+    def image(self, tx_m: np.ndarray, rx_m: np.ndarray, starts_m: np.ndarray, step_m: np.ndarray,
+              range_bias_m: float = 0.0) -> np.ndarray:
         """See `backends.protocol.TrialImages.image`."""
         return self._do('image', tx_m, rx_m, starts_m, step_m, range_bias_m)
 
@@ -233,14 +241,14 @@ def form_map(polar_image: np.ndarray, fusion: UnifiedPolarGrids, grid: MapGrid,
     return cpu.form_map(_fetched(polar_image), fusion, grid, centre_m, overwrite=overwrite)
 
 
-def _here(argument):
+def _here(argument: Any) -> Any:
     """An array or a block of the device as one of the host; anything else as it is."""
     if isinstance(argument, PulseBlock):
         return dataclasses.replace(argument, samples=_fetched(argument.samples))
     return _fetched(argument)
 
 
-def _fetched(array):
+def _fetched(array: Any) -> Any:
     """An array of the device as one of the host; DeviceError where that fails."""
     return device.require_device().to_host(array) if on_device(array) else array
 

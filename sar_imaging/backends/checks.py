@@ -13,6 +13,7 @@ import functools
 import inspect
 import traceback
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from ..geometry.grids import MapGrid, PlaneGrid, PointGrid, VolumeGrid
 from ..geometry.illumination import AntennaPattern, Illumination, PatternCut, Pointing
 from ..planning.afbp.beams import plan_beams
 from ..planning.afbp.polar_grids import cover_for_fusion
-from ..planning.afbp.subapertures import plan_subapertures
+from ..planning.afbp.subapertures import SubaperturePlan, plan_subapertures
 from ..planning.costs import costs, using
 from ..planning.exact.backprojection import plan_backprojection
 from ..planning.exact.groups import plan_groups
@@ -67,7 +68,8 @@ class CheckScene:
         return (block.samples.reshape(-1, block.n_samples), block.tx_m.reshape(-1, 3),
                 block.rx_m.reshape(-1, 3))
 
-    def correlation(self, points_m, factors=1.0, *, illuminated: bool = False) -> np.ndarray:
+    def correlation(self, points_m: np.ndarray, factors: float | np.ndarray = 1.0, *,
+                    illuminated: bool = False) -> np.ndarray:
         """``sum_r w_r(x) sum_k S_rk exp(+j 2 pi f_k tau_r(x))`` at points (..., 3), complex128.
 
         Spectra are multiplied by `factors`, (P, C, K) or what is broadcast to it. w is 1, or with
@@ -135,12 +137,12 @@ def make_scene(range_m: float, *, n: int = 48, pulses: int = 64, aperture_m: flo
     return CheckScene(grid, block, frequencies, spectra)
 
 
-def error_db(image, wanted) -> float:
+def error_db(image: np.ndarray, wanted: np.ndarray) -> float:
     """Mean squared difference of an image over the mean square of the wanted one, dB."""
     return float(20 * np.log10(np.linalg.norm(image - wanted) / np.linalg.norm(wanted) + 1e-20))
 
 
-def agrees(image, wanted, allowed_db: float) -> str:
+def agrees(image: np.ndarray, wanted: np.ndarray, allowed_db: float) -> str:
     """Tell how an image agrees with the wanted one.
 
     Raises
@@ -163,12 +165,12 @@ def agrees(image, wanted, allowed_db: float) -> str:
     return f'error {found:.1f} dB, allowed {allowed_db:.1f} dB'
 
 
-def _likely_mistake(image, wanted) -> str:
+def _likely_mistake(image: np.ndarray, wanted: np.ndarray) -> str:
     """What makes an image wrong, and what to do."""
     if not image.any():
         return 'it is 0 everywhere: add echoes to the image in place, or return it'
 
-    def fits(other, wanted=wanted):  # but for a factor
+    def fits(other: np.ndarray, wanted: np.ndarray = wanted) -> bool:  # but for a factor
         return other.shape == wanted.shape and error_db(
             other * (np.vdot(other, wanted) / np.vdot(other, other)), wanted) < -15.0
 
@@ -194,7 +196,7 @@ def _likely_mistake(image, wanted) -> str:
             '`sar_imaging.backends.reference`')
 
 
-def run_checks(checks: Mapping[str, Callable], of: str, *arguments) -> list[str]:
+def run_checks(checks: Mapping[str, Callable[..., str]], of: str, *arguments: Any) -> list[str]:
     """Run checks, each of which returns what it found or raises, and tell what they found.
 
     Raises
@@ -249,13 +251,13 @@ def check_backend(name: str | protocol.Backend) -> list[str]:
     return run_checks(BACKEND_CHECKS, f'backend={name!r}', backend(name))
 
 
-def _arguments(function) -> list[tuple]:
+def _arguments(function: Callable[..., Any]) -> list[tuple[str, Any, Any]]:
     given = inspect.signature(function).parameters.values()
     return [(p.name, p.kind, p.default) for p in given if p.name != 'self']
 
 
-def _check_arguments(made) -> str:
-    def same(name, found, wanted):
+def _check_arguments(made: protocol.Backend) -> str:
+    def same(name: str, found: Any, wanted: Any) -> None:
         if isinstance(wanted, property):
             if not isinstance(found, property):
                 raise ValueError(f'expected a property {name}, got {found!r}; write @property')
@@ -273,7 +275,7 @@ def _check_arguments(made) -> str:
     return 'those of the protocol'
 
 
-def _check_exact(made, route: str, **options) -> str:
+def _check_exact(made: protocol.Backend, route: str, **options: Any) -> str:
     """Images of one route against correlation, at two targets."""
     if route == 'illuminated' and not getattr(made, 'ILLUMINATION', False):
         return 'not offered: ILLUMINATION is not true'
@@ -319,7 +321,8 @@ def _check_exact(made, route: str, **options) -> str:
     return told
 
 
-def _afbp_plan(scene: CheckScene, target_db: float, route: str, illumination: Illumination | None):
+def _afbp_plan(scene: CheckScene, target_db: float, route: str, illumination: Illumination | None
+               ) -> tuple[SubaperturePlan, float]:
     """Plan of the sub-apertures, and the predicted error of the map."""
     grid, block = scene.grid, scene.block
     band = None if block.compressed else PhaseHistory(block.radar, block.n_samples)
@@ -338,7 +341,7 @@ def _afbp_plan(scene: CheckScene, target_db: float, route: str, illumination: Il
     return plan, total_db(plan.predicted_error_db, cover.polar_to_map_db, cover.profile_db)
 
 
-def _check_afbp(made, route: str, **options) -> str:
+def _check_afbp(made: protocol.Backend, route: str, **options: Any) -> str:
     """Both stages and the map against correlation, at two targets."""
     if route == 'illuminated' and not getattr(made, 'ILLUMINATION', False):
         return 'not offered: ILLUMINATION is not true'
@@ -361,7 +364,7 @@ def _check_afbp(made, route: str, **options) -> str:
     return told
 
 
-def _check_contributions(made) -> str:
+def _check_contributions(made: protocol.Backend) -> str:
     """Contributions are added, replaced, removed, and given at baseband along direction."""
     plan, _ = _afbp_plan(make_scene(1000.0, pulses=144), -50.0, 'directly', None)
     rng, grid = np.random.default_rng(5), plan.fusion_grid
@@ -390,7 +393,7 @@ def _check_contributions(made) -> str:
     return told
 
 
-def _check_refusals(made) -> str:
+def _check_refusals(made: protocol.Backend) -> str:
     """What breaks the rules of fusion is refused with a sentence."""
     plan, _ = _afbp_plan(make_scene(1000.0, pulses=144), -50.0, 'directly', None)
     grid = plan.fusion_grid
@@ -418,7 +421,7 @@ def _check_refusals(made) -> str:
     return 'as the protocol says'
 
 
-def _check_correlation(made) -> str:
+def _check_correlation(made: protocol.Backend) -> str:
     scene, told = make_scene(1000.0, apart_m=40.0, channels=2), ''
     points, block = scene.grid.points().reshape(-1, 3)[::7], scene.block
     wanted = scene.correlation(points)
@@ -435,7 +438,7 @@ def _check_correlation(made) -> str:
     return told or 'not offered'
 
 
-def _check_trial_images(made) -> str:
+def _check_trial_images(made: protocol.Backend) -> str:
     if getattr(made, 'TrialImages', None) is None:
         return 'not offered'
     scene = make_scene(1000.0, apart_m=40.0)

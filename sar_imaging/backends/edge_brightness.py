@@ -28,7 +28,7 @@ class EdgeBrightness:
         What of the image is wanted.
     """
 
-    def __init__(self, grid: UnifiedPolarGrids, coverage: PixelDensity = EVERYTHING):
+    def __init__(self, grid: UnifiedPolarGrids, coverage: PixelDensity = EVERYTHING) -> None:
         line, cell = (  # a line between two guards belongs to the image, be it in part
             max(1, min(math.ceil(guard), (n - 1) // 2)) for guard, n in (
                 (grid.n_guard, grid.n_coarse), (grid.range_guard, grid.n_coarse_range)))
@@ -69,7 +69,7 @@ class EdgeBrightness:
         total = np.maximum(2 * lines.sum(axis=1) * ranges.sum(axis=1), np.float32(1e-30))
         return lines / total[:, None], ranges
 
-    def add_power(self, power) -> None:
+    def add_power(self, power: np.ndarray) -> None:
         """Count sub-aperture images by the sums that `factors` say, (5,), of all of them."""
         self._power += power
 
@@ -87,5 +87,5 @@ class EdgeBrightness:
         return min(self.excess_db, _MOST_DB) if self.excess_db > _UNEVEN_DB else 0.0
 
 
-def _mean_square(values) -> float:
+def _mean_square(values: np.ndarray) -> float:
     return float(np.einsum('ijk,ijk->', values, values)) / max(values.size, 1)

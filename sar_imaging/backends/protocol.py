@@ -147,7 +147,8 @@ class ApertureFusion(Protocol):
     plan: SubaperturePlan
 
     def polar_image(self, block: PulseBlock, weights: np.ndarray | None = None,
-                    brightness: EdgeBrightness | None = None, *, progress: bool = False):
+                    brightness: EdgeBrightness | None = None, *, progress: bool = False
+                    ) -> np.ndarray:
         """Fuse the images of all sub-apertures.
 
         Parameters

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -75,7 +76,7 @@ def compress(compressor: RangeCompressor, block: PulseBlock,
     return compressor(block)
 
 
-def to_device(samples: np.ndarray):
+def to_device(samples: np.ndarray) -> Any:
     """Copy samples of the host to the CUDA device, through page-locked memory.
 
     Parameters
@@ -124,7 +125,7 @@ def check_device_arrays(backend: str | Backend) -> None:
                          'with samples.get()')
 
 
-def _entry(name: str):
+def _entry(name: str) -> Callable[..., Any]:
     """A function of the device's backend; DeviceError where there is no device that works."""
     return getattr(require_device(), name)
 

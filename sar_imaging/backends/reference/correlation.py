@@ -12,7 +12,8 @@ from .project_points import half_paths
 from .resample_profiles import power_series
 
 
-def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m,
+def correlate_spectra(cycles_per_m: np.ndarray | tuple[float, float], spectra: np.ndarray,
+                      tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray,
                       illumination: Illumination | None = None) -> np.ndarray:
     """Correlate spectra with the exact reference of every point.
 
@@ -60,9 +61,9 @@ def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m,
     return image
 
 
-def correlate_profiles(radar: RadarParameters, samples, tx_m, rx_m, points_m, half: int,
-                       sharpness: float, illumination: Illumination | None = None
-                       ) -> tuple[np.ndarray, np.ndarray]:
+def correlate_profiles(radar: RadarParameters, samples: np.ndarray, tx_m: np.ndarray,
+                       rx_m: np.ndarray, points_m: np.ndarray, half: int, sharpness: float,
+                       illumination: Illumination | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Correlate range profiles with the exact reference of every point.
 
     ``f(x) = sum_r w_r(x) s_r(D_r(x)) exp(+j 4 pi D_r(x) / lambda)``, s_r read by Knab's series.
@@ -124,6 +125,7 @@ def correlate_profiles(radar: RadarParameters, samples, tx_m, rx_m, points_m, ha
     return image, covered
 
 
-def amplitude(illumination: Illumination | None, echo: int, points_m):
+def amplitude(illumination: Illumination | None, echo: int, points_m: np.ndarray
+              ) -> float | np.ndarray:
     """Two-way amplitude of one echo at points (..., 3), metres; 1 without illumination."""
     return 1.0 if illumination is None else illumination.select([echo]).amplitude(points_m)[0]

@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...geometry.grids import MapGrid
+from ...geometry.polar import PolarGrid
 from ...planning.afbp.polar_grids import UnifiedPolarGrids
 from ...planning.afbp.subapertures import SubaperturePlan
 from ...planning.exact.backprojection import BackprojectionPlan
@@ -51,10 +52,11 @@ class Backprojection:
 
     memory = None
 
-    def __init__(self, plan: BackprojectionPlan, memory=None):
+    def __init__(self, plan: BackprojectionPlan, memory: object = None) -> None:
         self.plan = plan
 
-    def add(self, samples, tx_m, rx_m, image) -> None:
+    def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray
+            ) -> None:
         """Add echoes to an image."""
         grid, route = self.plan.grid, self.plan.route
         if isinstance(route, PolarPlan):
@@ -67,10 +69,10 @@ class Backprojection:
         image += project_points(route.window, samples, route.resampling.n_padded, tx_m, rx_m,
                                 points_m, self.plan.illumination)
 
-    def _polar_image(self, samples, tx_m, rx_m) -> np.ndarray:
+    def _polar_image(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray) -> np.ndarray:
         route, illumination = self.plan.route, self.plan.illumination
 
-        def project(echoes, polar):
+        def project(echoes: slice, polar: PolarGrid) -> np.ndarray:
             return project_lines(route.window, samples[echoes], route.resampling.n_padded,
                                  tx_m[echoes], rx_m[echoes], polar,
                                  illumination and illumination.select(echoes))
@@ -108,10 +110,11 @@ class SubapertureImager:
     94 of 20 pulses and 5 channels
     """
 
-    def __init__(self, plan: SubaperturePlan):
+    def __init__(self, plan: SubaperturePlan) -> None:
         self.plan = plan
 
-    def image(self, number: int, block: PulseBlock, weights=None, out=None) -> np.ndarray:
+    def image(self, number: int, block: PulseBlock, weights: np.ndarray | None = None,
+              out: np.ndarray | None = None) -> np.ndarray:
         """Backproject one sub-aperture (Zhang et al., equation 6)."""
         plan = self.plan
         plan.check_block(number, block)
@@ -165,7 +168,7 @@ class SpectrumFusion:
     ([0, 1], 'float32')
     """
 
-    def __init__(self, grid: UnifiedPolarGrids, *, keep: bool = False):
+    def __init__(self, grid: UnifiedPolarGrids, *, keep: bool = False) -> None:
         self.grid, self._keep = grid, keep
         self._contributions: dict[int, tuple[np.ndarray, float]] = {}
 
@@ -174,7 +177,7 @@ class SpectrumFusion:
         """Sub-apertures in the image."""
         return frozenset(self._contributions)
 
-    def add(self, number: int, image, centre_m: float) -> None:
+    def add(self, number: int, image: np.ndarray, centre_m: float) -> None:
         """Add a sub-aperture, or replace it where contributions are kept."""
         self.grid.check_contribution(image, centre_m)
         if number in self._contributions and not self._keep:
@@ -206,8 +209,8 @@ class SpectrumFusion:
         self._contributions.clear()
 
 
-def form_map(polar_image, fusion: UnifiedPolarGrids, grid: MapGrid, centre_m: float = 0.0, *,
-             overwrite: bool = False) -> np.ndarray:
+def form_map(polar_image: np.ndarray, fusion: UnifiedPolarGrids, grid: MapGrid,
+             centre_m: float = 0.0, *, overwrite: bool = False) -> np.ndarray:
     """Interpolate a fused image to a map, as `backends.protocol.Backend` describes it.
 
     Parameters
@@ -265,5 +268,5 @@ def form_map(polar_image, fusion: UnifiedPolarGrids, grid: MapGrid, centre_m: fl
     return (image * np.exp(2j * np.pi * np.fmod(cycles, 1.0))).astype(np.complex64)
 
 
-def _complex(image) -> np.ndarray:
+def _complex(image: np.ndarray) -> np.ndarray:
     return image if np.iscomplexobj(image) else image[0] + 1j * image[1]

@@ -9,7 +9,8 @@ import numpy as np
 from ...planning.interpolators import Interpolator
 
 
-def neighbours(interpolator: Interpolator, place, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
+def neighbours(interpolator: Interpolator, place: np.ndarray, n_samples: int
+               ) -> tuple[np.ndarray, np.ndarray]:
     """Samples that are read for some places, and their weights.
 
     ``s(n + t) = sum_k c_k(t) s[n + first + k]`` with polynomials ``c_k(t) = sum_q w[q, k] t^q``:

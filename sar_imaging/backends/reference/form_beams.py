@@ -9,7 +9,8 @@ import numpy as np
 from ...planning.afbp.beams import BeamGain
 
 
-def form_beams(spectra, path_m, cycles_per_m, between: BeamGain) -> np.ndarray:
+def form_beams(spectra: np.ndarray, path_m: np.ndarray, cycles_per_m: np.ndarray, between: BeamGain
+               ) -> np.ndarray:
     """Sum of the echoes' spectra with the delays of each direction.
 
     ``B_m[n] = sum_r g(f_rm[n]) S_r[n] exp(j 2 pi c_n L_rm)``: L_rm is by how much the half path
@@ -45,7 +46,7 @@ def form_beams(spectra, path_m, cycles_per_m, between: BeamGain) -> np.ndarray:
     return beams
 
 
-def beam_profiles(beams, n_cells: int, first: int, gain) -> np.ndarray:
+def beam_profiles(beams: np.ndarray, n_cells: int, first: int, gain: np.ndarray) -> np.ndarray:
     """Range profiles of beams at cells.
 
     ``b[i] = sum_n g_n B[n] exp(j 2 pi n (first + i) / n_cells)``.

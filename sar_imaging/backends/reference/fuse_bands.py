@@ -4,13 +4,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from ...planning.afbp.polar_grids import UnifiedPolarGrids
 from ...planning.aliasing_error import guard_taper
 
 
-def fuse_bands(grid: UnifiedPolarGrids, contributions) -> np.ndarray:
+def fuse_bands(grid: UnifiedPolarGrids, contributions: Iterable[tuple[np.ndarray, float]]
+               ) -> np.ndarray:
     """Spectrum of the fused image: the sum of the bands of all sub-aperture images.
 
     Zhang et al., equations 16 and 17: at range wavenumber K_r the spectrum of sub-aperture u is a
@@ -45,7 +48,8 @@ def fuse_bands(grid: UnifiedPolarGrids, contributions) -> np.ndarray:
     return spectrum
 
 
-def fused_image(grid: UnifiedPolarGrids, spectrum, centre_m: float = 0.0) -> np.ndarray:
+def fused_image(grid: UnifiedPolarGrids, spectrum: np.ndarray, centre_m: float = 0.0
+                ) -> np.ndarray:
     """Polar image of a fused spectrum, without the guards.
 
     The inverse transform of Zhang et al., section II.B, step 4. Where the image is to be

@@ -39,8 +39,10 @@ class BeamImage(NamedTuple):
     range_m: float
 
 
-def interpolate_beams(beams: BeamImage, points_m, wavelength_m: float, between: Interpolator,
-                      along: Interpolator, parabolas=None) -> np.ndarray:
+def interpolate_beams(beams: BeamImage, points_m: np.ndarray, wavelength_m: float,
+                      between: Interpolator, along: Interpolator,
+                      parabolas: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+                      ) -> np.ndarray:
     """Value of the sub-aperture's image at points, with the phase of the middle's path.
 
     At distance d and direction cosine s from the middle, ``f = exp(j k d) (b + j e b'')``: b is
@@ -91,14 +93,14 @@ def interpolate_beams(beams: BeamImage, points_m, wavelength_m: float, between: 
     return value * np.exp(2j * np.pi * np.fmod(2 * distance / wavelength_m, 1.0))
 
 
-def first_derivatives(interpolator: Interpolator, t) -> np.ndarray:
+def first_derivatives(interpolator: Interpolator, t: np.ndarray) -> np.ndarray:
     """First derivatives of the weights; otherwise as `second_derivatives`."""
     power = np.arange(1, len(interpolator.weights))
     once = power[:, None] * interpolator.weights[1:].astype(np.float64)
     return t[..., None] ** (power - 1) @ once
 
 
-def second_derivatives(interpolator: Interpolator, t) -> np.ndarray:
+def second_derivatives(interpolator: Interpolator, t: np.ndarray) -> np.ndarray:
     """Second derivatives of the weights by the place between two samples.
 
     Parameters

@@ -12,8 +12,8 @@ from ...planning.interpolators import Interpolator
 from .farrow import neighbours
 
 
-def polar_to_map(image, polar: PolarGrid, grid: MapGrid, *, axis: int, wavelength_m: float,
-                 between: Interpolator, along: Interpolator) -> np.ndarray:
+def polar_to_map(image: np.ndarray, polar: PolarGrid, grid: MapGrid, *, axis: int,
+                 wavelength_m: float, between: Interpolator, along: Interpolator) -> np.ndarray:
     """Interpolate a polar image at range baseband to a map, and put its carrier back.
 
     Two passes of one dimension each. A row of the map at distance q beside the origin and h below

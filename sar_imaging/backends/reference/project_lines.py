@@ -12,8 +12,9 @@ from ...planning.profiles import PhaseHistory, RangeGate
 from .project_points import project_points
 
 
-def project_lines(source: RangeGate | PhaseHistory, samples, n_padded: int, tx_m, rx_m,
-                  polar: PolarGrid, illumination: Illumination | None = None) -> np.ndarray:
+def project_lines(source: RangeGate | PhaseHistory, samples: np.ndarray, n_padded: int,
+                  tx_m: np.ndarray, rx_m: np.ndarray, polar: PolarGrid,
+                  illumination: Illumination | None = None) -> np.ndarray:
     """Polar image of some echoes at range baseband.
 
     ``b(r, alpha) = exp(-j k (r - r_0)) sum_r w_r s_r(D_r) exp(+j k D_r)``, ``k = 4 pi / lambda``,

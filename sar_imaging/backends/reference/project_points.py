@@ -12,7 +12,7 @@ from ...signal.radar import RadarParameters
 from .resample_profiles import profile_spectra, resample_profiles
 
 
-def half_paths(tx_m, rx_m, points_m) -> np.ndarray:
+def half_paths(tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray) -> np.ndarray:
     """Half the way from transmitter to point to receiver, ``(|tx - x| + |rx - x|) / 2``.
 
     Parameters
@@ -39,8 +39,9 @@ def half_paths(tx_m, rx_m, points_m) -> np.ndarray:
                   + np.linalg.norm(points_m - rx_m, axis=-1))
 
 
-def project_points(source: RangeGate | PhaseHistory, samples, n_padded: int, tx_m, rx_m,
-                   points_m, illumination: Illumination | None = None) -> np.ndarray:
+def project_points(source: RangeGate | PhaseHistory, samples: np.ndarray, n_padded: int,
+                   tx_m: np.ndarray, rx_m: np.ndarray, points_m: np.ndarray,
+                   illumination: Illumination | None = None) -> np.ndarray:
     """Sum of range profiles at points, each with the phase of its path.
 
     ``f(x) = sum_r w_r(x) s_r(D_r(x)) exp(+j 4 pi D_r(x) / lambda)``: Rosenberg & Gray, equations
@@ -105,10 +106,11 @@ class TrialImages:
 
     length = 16
 
-    def __init__(self, radar: RadarParameters, samples: np.ndarray):
+    def __init__(self, radar: RadarParameters, samples: np.ndarray) -> None:
         self._radar, self._profiles = radar, samples.reshape(-1, samples.shape[-1])
 
-    def image(self, tx_m, rx_m, starts_m, step_m, range_bias_m: float = 0.0) -> np.ndarray:
+    def image(self, tx_m: np.ndarray, rx_m: np.ndarray, starts_m: np.ndarray, step_m: np.ndarray,
+              range_bias_m: float = 0.0) -> np.ndarray:
         """``f(x) = sum_r s_r(D_r(x)) exp(+j 4 pi D_r(x) / lambda)``, s_r linear and 0 outside."""
         radar, n = self._radar, self._profiles.shape[-1]
         points = starts_m[:, None] + np.arange(self.length)[:, None] * step_m

@@ -9,7 +9,8 @@ import numpy as np
 from ...planning.profiles import PhaseHistory, RangeGate, rise
 
 
-def profile_spectra(source: RangeGate | PhaseHistory, samples, n_padded: int) -> np.ndarray:
+def profile_spectra(source: RangeGate | PhaseHistory, samples: np.ndarray, n_padded: int
+                    ) -> np.ndarray:
     """Fourier coefficients of the part of range profiles that an image needs.
 
     ``S[n] = g[n] sum_i w[i] s[i] exp(-j 2 pi n i / N)`` with the window w, which rises and falls
@@ -56,7 +57,8 @@ def profile_spectra(source: RangeGate | PhaseHistory, samples, n_padded: int) ->
     return np.roll(spectra * source.gain(n_padded), n_padded // 2 - source.zero, axis=-1)
 
 
-def resample_profiles(source: RangeGate | PhaseHistory, spectra, range_m) -> np.ndarray:
+def resample_profiles(source: RangeGate | PhaseHistory, spectra: np.ndarray, range_m: np.ndarray
+                      ) -> np.ndarray:
     """Profiles at any half path, by their Fourier series.
 
     ``s(D) = sum_n S[n] exp(j 2 pi n (D - D_0) / P)``: D_0 the half path of the first sample, P the
@@ -84,7 +86,7 @@ def resample_profiles(source: RangeGate | PhaseHistory, spectra, range_m) -> np.
     return values if source.periodic else np.where((0 <= place) & (place <= 1), values, 0.0)
 
 
-def power_series(coefficients, z) -> np.ndarray:
+def power_series(coefficients: np.ndarray, z: np.ndarray) -> np.ndarray:
     """``sum_n c[n] z^n`` by Horner's rule, whose rounding errors stay below -250 dB.
 
     Parameters

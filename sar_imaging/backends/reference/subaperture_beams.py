@@ -16,8 +16,8 @@ from .interpolate_beams import BeamImage, interpolate_beams
 from .resample_profiles import profile_spectra
 
 
-def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m,
-                     nodes: AmplitudeNodes | None = None) -> np.ndarray:
+def image_from_beams(plan: SubaperturePlan, samples: np.ndarray, tx_m: np.ndarray,
+                     rx_m: np.ndarray, nodes: AmplitudeNodes | None = None) -> np.ndarray:
     """Backproject echoes to the coarse grid of a plan by their beams.
 
     Parameters
@@ -71,8 +71,8 @@ def image_from_beams(plan: SubaperturePlan, samples, tx_m, rx_m,
     return value * np.exp(-2j * np.pi * np.fmod(cycles, 1.0))
 
 
-def amplitude_parabolas(nodes: AmplitudeNodes, geometry: BeamGeometry, points_m,
-                  phase_per_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def amplitude_parabolas(nodes: AmplitudeNodes, geometry: BeamGeometry, points_m: np.ndarray,
+                        phase_per_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, B and C of the amplitude ``A + B p + C p^2`` of echoes, towards each point.
 
     p is the phase of an echo from beam to beam: the derivative of its path by direction, metres,
