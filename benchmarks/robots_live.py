@@ -79,6 +79,7 @@ def parameters(grid: MapGrid, block: PulseBlock) -> dict:
     n_blocks = next(n for n in itertools.count(max(1, round(block.samples.nbytes / 1e6)))
                     if block.n_pulses % n == 0)
     made['pulse_buffer']['pulses_per_block'] = block.n_pulses // n_blocks
+    del made['backprojection']['target_db']  # as a robot runs it
     return pipeline_parameters(made)
 
 

@@ -158,7 +158,7 @@ class Imaging:
     oversampling: float = 2.0
     near_range: float = 0.0
     far_range: float = 0.0
-    target_db: float = -80.0
+    target_db: float = -60.0
     pulses_per_block: int = 32
     reorder_window_pulses: int = 128
     queue_depth: int = 50

@@ -83,7 +83,7 @@ PARAMETERS = (
               f'{AFBP} of whole apertures; {AUTO}: of these the quicker one that meets target_db.',
               check=one_of(AUTO, EXACT, AFBP)),
     BACKEND,
-    Parameter('target_db', -80.0, 'Largest predicted error against time-domain correlation in '
+    Parameter('target_db', -60.0, 'Largest predicted error against time-domain correlation in '
               f'modes {IMAGE} and {VOLUME}.', 'dB', -100.0, -20.0),
     Parameter('subapertures.target_db', -60.0, 'Largest predicted error in mode '
               f'{SUBAPERTURES}.', 'dB', -85.0, -20.0),

@@ -139,7 +139,7 @@ class ApertureImager(ApertureSequence):
     """
 
     def __init__(self, grid: Grid, *, pulses_per_aperture: int,
-                 min_pulse_fraction: float = 0.5, target_db: float = -80.0,
+                 min_pulse_fraction: float = 0.5, target_db: float = -60.0,
                  height_m: np.ndarray | None = None, keep_pulses: bool = False,
                  method: str = EXACT, illumination: AntennaPattern | None = None,
                  backend: str | Backend = AUTO):

@@ -30,6 +30,7 @@ PIPELINE = ('sar_pipeline',)
 MODES = ('image', 'subapertures')
 PROFILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 STOP_TIMEOUT_S = 10.0
+_TARGET_DB = -80.0  # of replayed recordings, so that small mistakes show
 SHARED_MEMORY = Path('/dev/shm')
 TAIL_LINES = 15
 _claims: list[socket.socket] = []  # names of the domains that this process has found
@@ -63,7 +64,7 @@ def parameters_from_truth(truth: Mapping[str, Any], mode: str = 'image', *,
     Returns
     -------
     dict
-        Parameters by node; lengths in metres.
+        Parameters by node; lengths in metres. `target_db` is lower than the nodes' own.
     """
     looks, pattern = _antenna_parameters(truth, pattern_file)
     grid = truth['grid']
@@ -77,7 +78,7 @@ def parameters_from_truth(truth: Mapping[str, Any], mode: str = 'image', *,
         'range_compression': {'window': truth.get('window', 'none')} | frame,
         # the same poses, for autofocus
         'backprojection': pulses | _alignment_parameters(truth) | pattern | {
-            'mode': mode, 'grid.centre_x': x, 'grid.centre_y': y, 'grid.centre_z': z,
+            'mode': mode, 'target_db': _TARGET_DB, 'grid.centre_x': x, 'grid.centre_y': y, 'grid.centre_z': z,
             'grid.size_x': (grid['n_x'] - 1) * spacing,
             'grid.size_y': (grid['n_y'] - 1) * spacing, 'grid.spacing': spacing},
         'afbp_fusion': dict(frame),

@@ -88,7 +88,7 @@ def test_illumination_needs_a_method_that_knows_it():
 def test_heights_are_those_of_the_pixels():
     heights = np.linspace(-2.0, 3.0, GRID.n_x * GRID.n_y).reshape(GRID.shape)
     heights[3, 4] = np.nan
-    [result] = imager(height_m=heights).add(profiles(range(LENGTH)))
+    [result] = imager(height_m=heights, target_db=-80.0).add(profiles(range(LENGTH)))
     block = profiles(range(LENGTH))
     expected = exact_image(GRID, block, height_m=heights)
     np.testing.assert_array_equal(result.image, expected)

@@ -133,7 +133,7 @@ def test_images_are_focused_and_the_report_tells(make_chain, case, truth, offset
                 for m in observer.wait_for('range_profiles', len(blocks))]
 
     # What the images would be without autofocus, and what the first one should be.
-    imager = ApertureImager(case.grid, pulses_per_aperture=LENGTH)
+    imager = ApertureImager(case.grid, pulses_per_aperture=LENGTH, target_db=-80.0)
     plain = [product.image for block in profiles for product in imager.add(block)]
     first = concatenate(profiles[:LENGTH // 32])
     wanted = exact_image(case.grid, moved(first, -offset_m))
@@ -350,7 +350,7 @@ def test_controls_reach_autofocus(case, monkeypatch):
     assert re.fullmatch(r'autofocus of aperture 0: 3 of 12 clock offsets tried in \d+ s, \d+ s to '
                         'go', log.lines[-1])
     assert seen == {'track_error_m': 0.05, 'time_offset_s': 0.0, 'range_bias_m': 0.2,
-                    'track': None, 'target_db': -80.0, 'n_phases': 0, 'least_coherence': 0.6,
+                    'track': None, 'target_db': -60.0, 'n_phases': 0, 'least_coherence': 0.6,
                     'illumination': None, 'backend': 'auto'}
 
 

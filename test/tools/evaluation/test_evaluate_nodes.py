@@ -246,6 +246,6 @@ def test_without_truth_there_are_focus_and_predicted_error(runs):
     assert result.returncode == 0, result.stderr
     quality = quality_of(output)
     assert quality['scatterers'] == []
-    assert quality['predicted_error_db'] < -80
+    assert -80 < quality['predicted_error_db'] < -60  # as nodes are by default
     assert quality['focus']['contrast'] > 1 and quality['focus']['entropy'] > 0
     assert 'IRW' not in result.stdout
