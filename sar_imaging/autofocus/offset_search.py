@@ -305,7 +305,7 @@ def visible_phase(first: Geometry, second: Geometry, points: np.ndarray, wavenum
     every = slice(None, None, max(1, len(first.tx_m) // 128))
     total = 0.0
     for point in np.asarray(points):
-        paths, looks = [], 0.0
+        paths, looks = [], np.zeros(3)
         for geometry in (first, second):
             away = [point - c[every].mean(axis=1) for c in geometry[:2]]
             length = [np.linalg.norm(a, axis=1) for a in away]

@@ -225,7 +225,8 @@ def _recentred(tiles: Tiles, change_m: np.ndarray) -> np.ndarray:
     power = np.square(np.abs(tiles.focus(change_m))).sum(axis=2)
     moved = [tiles.position(k, pixel) for k, pixel in enumerate(power.argmax(axis=1))]
     order = np.argsort(-power.max(axis=1))
-    kept, spacing = [], np.linalg.norm(tiles.position(0, 0) - tiles.position(0, 1))
+    kept: list[int] = []
+    spacing = np.linalg.norm(tiles.position(0, 0) - tiles.position(0, 1))
     for k in order:
         if all(np.linalg.norm(moved[k] - moved[other]) > 3 * spacing for other in kept):
             kept.append(k)

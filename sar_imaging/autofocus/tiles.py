@@ -426,7 +426,7 @@ def bright_points(image: np.ndarray, grid: MapGrid, block: PulseBlock, n: int) -
     power = np.square(np.abs(image), dtype=np.float64)
     faintest = power.max() * 10 ** (_FAINTEST_DB / 10)
     half = max(2, round(_APART * block.radar.range_resolution_m / grid.spacing_m))
-    points = []
+    points: list[tuple[float, float, float]] = []
     while len(points) < n:
         row, column = np.unravel_index(power.argmax(), power.shape)
         if power[row, column] <= faintest:

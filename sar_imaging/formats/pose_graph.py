@@ -159,7 +159,8 @@ def read_g2o(path: os.PathLike[str] | str) -> tuple[np.ndarray, list[PoseEdge]]:
     >>> read_g2o('drive.g2o')[0].tolist()
     [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]
     """
-    poses, edges = [], []
+    poses: list[list[float]] = []
+    edges: list[PoseEdge] = []
     with reading(path, 'a pose graph in the format of g2o'):
         for number, line in enumerate(read_text(path, _MOST_BYTES).splitlines(), 1):
             tag, *words = line.split() or [_FIXED]

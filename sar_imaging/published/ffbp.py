@@ -1135,7 +1135,7 @@ def place_grids(levels: list[list[Node]], top: list[Node], alpha_spacings: list[
     more_range, more_alpha = 0.0, 0.0  # of the grids that read this level, beyond the scene
     offset = 0.0  # of their origins from those of their parts
     nearest = float(_offsets(_centres(levels[:1]), edge)[-1].min())
-    grids = {}  # of nodes
+    grids: dict[Node, tuple[float, float, tuple[int, int]]] = {}
     for nodes, alpha_spacing in zip(reversed(levels), reversed(alpha_spacings), strict=True):
         more_range, more_alpha = (
             more_range + more_alpha * offset + beyond * spacing,
@@ -1145,7 +1145,7 @@ def place_grids(levels: list[list[Node]], top: list[Node], alpha_spacings: list[
                                    (more_range, more_alpha)), strict=True)
         away = [c.centre - n.centre for n in nodes for c in n.children]
         offset = float(np.linalg.norm(away, axis=-1).max()) if away else 0.0
-    placed = {}
+    placed: dict[Node, Node] = {}
     for nodes in levels:  # parts before what is made of them
         for n in nodes:
             placed[n] = Node(n.pulses, n.level, tuple(placed[c] for c in n.children), n.centre,

@@ -258,8 +258,9 @@ def _pointed(top: Section, block: PulseBlock) -> tuple[PulseBlock, Antenna | Non
         return block, None
     section = top.section('antenna', antenna_section.KEYS)
     antenna, mount = antenna_section.read_antenna(section)
-    positions = top.section('positions', position_section.KEYS) if 'positions' in top else {}
-    centre = ((lambda: positions.vector('centre_m', np.zeros(3))) if 'arc' in positions else None)
+    positions = top.section('positions', position_section.KEYS) if 'positions' in top else None
+    centre = (None if positions is None or 'arc' not in positions
+              else lambda: positions.vector('centre_m', np.zeros(3)))
     return antenna_section.with_pointing(block, mount, section, centre), antenna
 
 

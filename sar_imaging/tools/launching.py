@@ -257,7 +257,8 @@ def _replayed(context: LaunchContext, arguments: Mapping[str, str], nodes: Seque
     scope = context.launch_configurations
     namespace = make_namespace_absolute(prefix_namespace(
         scope.get('ros_namespace'), arguments['namespace']) or '/').rstrip('/')
-    simulated = dict(p for p in scope.get('global_params', []) if isinstance(p, tuple))
+    simulated: dict[str, object] = dict(
+        p for p in scope.get('global_params', []) if isinstance(p, tuple))
     command = replay_command(
         {'use_sim_time': str(simulated.get('use_sim_time', '')), **{
             name: value for name, value in arguments.items() if value}},

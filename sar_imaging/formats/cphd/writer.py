@@ -352,7 +352,8 @@ def _channels(pulses: WrittenPulses, vectors: np.ndarray, collection: Collection
 
 def _layout(pulses: WrittenPulses) -> dict[str, Any]:
     sarkit = require('sarkit.cphd', PURPOSE)
-    out, offset = {}, 0
+    out: dict[str, Any] = {}
+    offset = 0
     for name, kind in pulses.layout.items():
         side = next((element for element, own in PARAMETERS.items() if name in own), None)
         target = out if side is None else out.setdefault(side, {})

@@ -133,7 +133,8 @@ class Worker:
 
     def clear(self, which: Callable[[Any], bool] = lambda item: True) -> list[Any]:
         """Discard the items that wait and return them, or some of them; calls stay."""
-        removed, kept = [], collections.deque()
+        removed: list[Any] = []
+        kept: collections.deque[Any] = collections.deque()
         with self._changed:
             for queued in self._items:
                 if isinstance(queued, _Call) or not which(queued[0]):

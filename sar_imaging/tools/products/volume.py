@@ -54,7 +54,8 @@ def run(arguments: argparse.Namespace, source: PulseSource) -> str:
     constant = _constant(arguments)
     choice = choose(source, arguments, memory_bytes(arguments))
     formed = forming.form_and_verify(source, choice, arguments)
-    image, measured, calibration = formed.image, formed.measured, {}
+    image, measured = formed.image, formed.measured
+    calibration: dict[str, Any] = {}
     if constant is not None:
         image, calibration = brightness.calibrate_volume(source, image, constant)
     cells = bright_cells(image.samples, image.grid, threshold_db=arguments.threshold,
