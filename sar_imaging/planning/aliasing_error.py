@@ -16,6 +16,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -118,7 +119,7 @@ class PixelDensity:
 EVERYTHING = PixelDensity()
 
 
-def aliasing_error(n: int, n_guard: float, beta: float, frequency: np.ndarray,
+def aliasing_error(n: int, n_guard: float, beta: float, frequency: ArrayLike,
                    place: np.ndarray | None = None, density: ArrayLike = (1.0,)) -> np.ndarray:
     """Mean squared errors of interpolated exponentials, relative to their power.
 
@@ -270,6 +271,6 @@ def _correction_table(oversampling: float, taps: int, degree: int, n: int, n_gua
     return (read.real ** 2 + read.imag ** 2).mean(axis=-1)
 
 
-def taper_shape(n_guard: float, oversampling: float) -> float:
+def taper_shape(n_guard: float | np.ndarray, oversampling: float | np.ndarray) -> Any:
     """Shape of the taper with about the least error (fitted to `aliasing_error`)."""
     return np.maximum(0.5, 1.5 * n_guard * (1 - 1 / oversampling))

@@ -17,6 +17,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 # Former names in files of measured costs
 _FORMER = {'lit_image': 'weighed_image', 'lit_knot': 'amplitude_node'}
@@ -100,7 +101,7 @@ class CostModel:
             if not (isinstance(value, int | float) and math.isfinite(value) and value > 0):
                 raise ValueError(f'{name}={value!r}; expected a positive number of nanoseconds')
 
-    def nanoseconds(self, operations: Mapping[str, float]) -> float:
+    def nanoseconds(self, operations: Mapping[str, Any]) -> Any:
         """Time of operations, from how often each is done; of arrays of numbers arrays."""
         return sum(getattr(self, name) * n for name, n in operations.items())
 

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 LINE_DEGREE, POINT_DEGREE = 4, 3  # of profiles read along image lines and point by point
 TAPS = 10
@@ -96,7 +97,7 @@ class Interpolator:
         """
         return _shifted(self.weights.astype(np.float64), 0.5).astype(np.float32)
 
-    def gain(self, frequency: np.ndarray) -> np.ndarray:
+    def gain(self, frequency: ArrayLike) -> np.ndarray:
         """(F,) by what spectra of samples are to be multiplied for the least error in the band.
 
         Of frequencies (F,) from -0.5 to 0.5 cycles per sample. Nearly 1 unless the interpolator

@@ -78,7 +78,8 @@ def parameters_from_truth(truth: Mapping[str, Any], mode: str = 'image', *,
         'range_compression': {'window': truth.get('window', 'none')} | frame,
         # the same poses, for autofocus
         'backprojection': pulses | _alignment_parameters(truth) | pattern | {
-            'mode': mode, 'target_db': _TARGET_DB, 'grid.centre_x': x, 'grid.centre_y': y, 'grid.centre_z': z,
+            'mode': mode, 'target_db': _TARGET_DB,
+            'grid.centre_x': x, 'grid.centre_y': y, 'grid.centre_z': z,
             'grid.size_x': (grid['n_x'] - 1) * spacing,
             'grid.size_y': (grid['n_y'] - 1) * spacing, 'grid.spacing': spacing},
         'afbp_fusion': dict(frame),

@@ -4,15 +4,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from ...planning.exact.polar_image import AzimuthParts
 from .farrow import neighbours
 
 
-def upsample_azimuth(images: Sequence[np.ndarray], parts: AzimuthParts) -> np.ndarray:
+def upsample_azimuth(images: np.ndarray | list[np.ndarray], parts: AzimuthParts) -> np.ndarray:
     """Interpolate images of parts of the echoes to the lines of their sum, and add them.
 
     ``b(alpha) = sum_p exp(j f_p alpha) sum_k c_k(alpha) exp(-j f_p alpha_k) b_p(alpha_k)``: f_p is
