@@ -180,7 +180,8 @@ def measured(block: PulseBlock, grid: MapGrid) -> dict:
         for method in METHODS:
             key = f'{method}, {target_db:g} dB'
             try:
-                plans[key] = Work(lambda m=method, t=target_db: planned(block, grid, m, t))
+                plans[key] = Work(lambda m=method, t=target_db: planned(block, grid, m, t),
+                                  time.thread_time)  # FastSAR's threads spin on for a while
             except ValueError as refusal:
                 found[key] = {'refused': str(refusal)}
                 continue
