@@ -105,7 +105,7 @@ class Lengths(NamedTuple):
 
 
 #: By the error above which they are the quickest, dB.
-LENGTHS = {-50.0: Lengths(3, 8, 6), -68.0: Lengths(3, 10, 8), -math.inf: Lengths(4, 14, 10)}
+LENGTHS = {-50.0: Lengths(3, 8, 8), -68.0: Lengths(3, 10, 8), -math.inf: Lengths(4, 14, 10)}
 
 
 def lengths_for(target_db: float) -> Lengths:
