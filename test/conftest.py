@@ -158,6 +158,29 @@ def kept_bytecode():
         yield
 
 
+@pytest.fixture(scope='session', autouse=True)
+def small_segments(tmp_path_factory):
+    """Processes of DDS make segments of shared memory of 16 MiB, which hold the largest messages.
+
+    They write all of a segment when they start: the 64 MiB of the package's profile took half of
+    the time of the system in a fork. `shipped_profile` is for what needs these.
+    """
+    profile = (ROOT / 'sar_imaging' / 'config' / 'fastdds_large_segment.xml').read_text()
+    size = f'<segment_size>{2**26}<'
+    assert size in profile
+    path = tmp_path_factory.mktemp('dds') / 'profile.xml'
+    path.write_text(profile.replace(size, f'<segment_size>{2**24}<'))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('FASTRTPS_DEFAULT_PROFILES_FILE', str(path))
+        yield
+
+
+@pytest.fixture
+def shipped_profile(monkeypatch):
+    """Processes that are started with this environment have the profile that users have."""
+    monkeypatch.delenv('FASTRTPS_DEFAULT_PROFILES_FILE')
+
+
 @pytest.fixture(scope='session')
 def fork_server(tmp_path_factory):
     """Starts nodes and `evaluate` from a process that has loaded their libraries."""

@@ -37,7 +37,7 @@ def test_node_that_refuses_its_parameters_is_quoted(tmp_path):
     assert 'max_image_pixels' in str(error.value)
 
 
-def test_processes_can_be_stopped_killed_and_started_again(tmp_path):
+def test_processes_can_be_stopped_killed_and_started_again(tmp_path, shipped_profile):
     parameters = parameters_from_truth(bag_io.read_truth(PSF))
     with NodeProcesses(parameters, tmp_path, isolated_environment(),
                        nodes=['pulse_buffer']) as processes:

@@ -77,7 +77,7 @@ def two_hosts():
 
 
 def test_pulses_from_another_host_give_the_same_images(two_hosts, spotlight, tmp_path,
-                                                       pytestconfig):
+                                                       pytestconfig, shipped_profile):
     radar_host, imaging_host = two_hosts
     environment = isolated_environment() | {
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET', 'ROS_LOG_DIR': str(tmp_path)}
