@@ -23,7 +23,7 @@ import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 
-from ...compilation import DETERMINISTIC, njit, numba
+from ...compilation import DETERMINISTIC, kernel_part, njit, numba
 from ...geometry.grids import MapGrid
 from ...geometry.polar import PolarGrid
 from ...planning.interpolators import Interpolator
@@ -486,7 +486,7 @@ def _resample(polar, grid, reach, between, along, target, tables, memory, share)
             begin = take_job(counter) * job
 
 
-@njit(fastmath=DETERMINISTIC)
+@kernel_part(fastmath=DETERMINISTIC)
 def _set_off(table, from2, middle2, to2, ranges, first, n_taps):
     """Ranges by which each row of a strip is set off, as shifts of its positions in the strip.
 
@@ -510,7 +510,7 @@ def _set_off(table, from2, middle2, to2, ranges, first, n_taps):
     return np.int64(high + first - low + n_taps + 2 + LANES - 1) // LANES
 
 
-@njit(fastmath=DETERMINISTIC)
+@kernel_part(fastmath=DETERMINISTIC)
 def _to_ranges(real, imag, apart, n_range, last, squares, inverses, direction, weights, taps,
                table, first, n_chunks, positions, strip, strip_bytes):
     """Lines of the polar image to where its ranges meet the rows of a strip."""
@@ -550,7 +550,7 @@ def _first_range(chunk, first, shift, n_range):
     return min(max(chunk * LANES + first - np.int64(shift), -LANES), n_range)
 
 
-@njit(fastmath=DETERMINISTIC)
+@kernel_part(fastmath=DETERMINISTIC)
 def _to_pixels(line, pixel, n_pixels, ranges, weights, taps, table, last, positions, strip,
                strip_bytes, image, steps, add, n_rows):
     """Ranges of a strip to pixels of its rows."""
