@@ -75,7 +75,7 @@ class Loader(yaml.SafeLoader):
 
     _level = 0
 
-    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         """Node of the next events; see `yaml.SafeLoader`."""
         self._level += 1
         if self._level > _DEEPEST:

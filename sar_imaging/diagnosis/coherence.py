@@ -18,6 +18,7 @@ import dataclasses
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..compilation import kernel_part, njit, numba
 from ..geometry.grids import MapGrid
@@ -259,7 +260,7 @@ class _Rows:
     group: np.ndarray
 
     @classmethod
-    def of(cls, block: PulseBlock, towards_m: np.ndarray) -> _Rows:
+    def of(cls, block: PulseBlock, towards_m: ArrayLike) -> _Rows:
         """Rows of a block; groups see a place (3,) from directions next to each other."""
         channels = np.unique(np.linspace(0, block.n_channels - 1,
                                          min(block.n_channels, _GROUPS // 4)).astype(int))
@@ -321,7 +322,7 @@ def _along_the_way(block: PulseBlock, most: int) -> np.ndarray:
     return np.unique(np.searchsorted(way, np.linspace(0, 1, min(n, most)))).clip(0, n - 1)
 
 
-def _directions(tx_m: np.ndarray, rx_m: np.ndarray, towards_m: np.ndarray) -> np.ndarray:
+def _directions(tx_m: np.ndarray, rx_m: np.ndarray, towards_m: ArrayLike) -> np.ndarray:
     """(P,) directions along the map from which pulses see a place, on the axis they differ most.
 
     The rows of a raster see a map from above and below alike, and agree over all of it.

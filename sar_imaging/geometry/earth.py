@@ -98,7 +98,7 @@ class Datum:
         return np.stack([math.cos(heading) * east - math.sin(heading) * north,
                          math.sin(heading) * east + math.cos(heading) * north, up])
 
-    def to_ecef(self, points_m: np.ndarray) -> np.ndarray:
+    def to_ecef(self, points_m: ArrayLike) -> np.ndarray:
         """ECEF coordinates of (..., 3) points of the frame, float64 metres."""
         return self.vectors_to_ecef(points_m) + self.origin_ecef_m
 
@@ -114,12 +114,12 @@ class Datum:
         """Components along the frame's axes of (..., 3) vectors given in ECEF."""
         return np.asarray(vectors, np.float64) @ self.axes_ecef.T
 
-    def to_geographic(self, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def to_geographic(self, points_m: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Latitude and longitude, degrees, and ellipsoidal height, metres, of (..., 3) points."""
         return ecef_to_geographic(self.to_ecef(points_m))
 
-    def from_geographic(self, latitude_deg: np.ndarray, longitude_deg: np.ndarray,
-                        height_m: np.ndarray) -> np.ndarray:
+    def from_geographic(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike,
+                        height_m: ArrayLike) -> np.ndarray:
         """(..., 3) points of the frame from geographic coordinates, float64 metres."""
         return self.from_ecef(geographic_to_ecef(latitude_deg, longitude_deg, height_m))
 

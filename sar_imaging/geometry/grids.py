@@ -169,7 +169,7 @@ class MapGrid:
         """(2, 3) float64 step of the position from row to row, and from column to column."""
         return np.array([[0.0, -self.spacing_m, 0.0], [self.spacing_m, 0.0, 0.0]])
 
-    def positions(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+    def positions(self, row: int | np.ndarray, column: int | np.ndarray) -> np.ndarray:
         """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
         x, y, z = np.broadcast_arrays(self.x_m[column], self.y_m[row], self.z_m)
         return np.stack([x, y, z], axis=-1)
@@ -268,7 +268,7 @@ class PlaneGrid:
                    n_u, n_v)
 
     @classmethod
-    def wall(cls, centre_m: np.ndarray, normal: ArrayLike, width_m: float, height_m: float,
+    def wall(cls, centre_m: ArrayLike, normal: ArrayLike, width_m: float, height_m: float,
              spacing_m: float) -> PlaneGrid:
         """Vertical plane across the line of sight.
 
@@ -344,7 +344,7 @@ class PlaneGrid:
         """(2, 3) float64 step of the position along each axis of the image, metres."""
         return np.array([self.step_v_m, self.step_u_m])
 
-    def positions(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+    def positions(self, row: ArrayLike, column: ArrayLike) -> np.ndarray:
         """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
         return even_positions(self, row, column)
 
@@ -528,7 +528,7 @@ class TerrainGrid:
         """Image shape ``(n_y, n_x)``."""
         return self.map_grid.shape
 
-    def positions(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+    def positions(self, row: int | np.ndarray, column: int | np.ndarray) -> np.ndarray:
         """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
         out = self.map_grid.positions(row, column)
         out[..., 2] = self.height_m[row, column]

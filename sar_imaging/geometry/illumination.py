@@ -504,7 +504,7 @@ class Pointing:
                                     np.concatenate([p.up for p in parts]))
 
     @classmethod
-    def of_unit_vectors(cls, boresight: np.ndarray, up: np.ndarray) -> Pointing:
+    def of_unit_vectors(cls, boresight: ArrayLike, up: ArrayLike) -> Pointing:
         """From (P, 3) perpendicular unit vectors, kept to the bit, as messages carry them.
 
         Raises

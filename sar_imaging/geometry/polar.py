@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -177,7 +178,7 @@ class PolarGrid:
         position = vector(r * a, ground) + [*self.origin_m[:2], self.z_m]
         return position, vector(a, g1), vector(zero, g2), vector(zero, g3), vector(zero, g4)
 
-    def locate(self, pixel: np.ndarray, line: np.ndarray) -> list[np.ndarray]:
+    def locate(self, pixel: float | np.ndarray, line: float | np.ndarray) -> list[np.ndarray]:
         """Positions and their first to fourth derivative by the pixel number, metres.
 
         (..., 3) float64 each, of numbers of the range and of the direction, broadcast together,
@@ -204,8 +205,9 @@ class PolarGrid:
 EDGE_SAMPLES = 65  # per edge of the map
 
 
-def edge_positions(grid: MapGrid, origin_m: np.ndarray, track: np.ndarray, axis: int,
-                   reach_m: float) -> tuple[np.ndarray, np.ndarray]:
+def edge_positions(grid: MapGrid, origin_m: Sequence[float] | np.ndarray,
+                   track: Sequence[float] | np.ndarray, axis: int, reach_m: float
+                   ) -> tuple[np.ndarray, np.ndarray]:
     """Ranges and directions of a map's edges.
 
     A row of the map that slants across the ranges leaves its directions on the way to the ranges

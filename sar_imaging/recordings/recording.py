@@ -324,8 +324,8 @@ def each_once(messages: Iterable[tuple[int, bytes]], wanted: Callable[[PulseBloc
             yield block if new.all() else block.select(new)
 
 
-def placed(blocks: Iterable[PulseBlock], poses: PoseTable | None, alignment: Alignment,
-           mount: Mount | None = None) -> Iterator[PulseBlock]:
+def placed(blocks: Iterable[PulseBlock], poses: PoseTable | None,
+           alignment: Alignment | None, mount: Mount | None = None) -> Iterator[PulseBlock]:
     """Blocks with the phase centres that poses tell, and the pointing that a mount tells.
 
     Parameters
@@ -334,8 +334,8 @@ def placed(blocks: Iterable[PulseBlock], poses: PoseTable | None, alignment: Ali
         In the order of their pulses. Phase centres that they have stay.
     poses : PoseTable or None
         Poses of the platform, for blocks without phase centres.
-    alignment : Alignment
-        Between the two.
+    alignment : Alignment or None
+        Between the two; None without poses.
     mount : Mount, optional
         Mount of the antenna.
 

@@ -16,6 +16,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import fft
 
 from ..geometry.illumination import Illumination
@@ -216,7 +217,7 @@ class EchoSimulator:
     """
 
     def __init__(self, radar: RadarParameters, n_samples: int, *, compressed: bool,
-                 points_m: np.ndarray, amplitudes: np.ndarray):
+                 points_m: ArrayLike, amplitudes: ArrayLike):
         self.radar = radar
         self.n_samples = n_samples
         self._points_m = np.asarray(points_m, float).reshape(-1, 3)

@@ -97,7 +97,7 @@ def fit_track(acquisition: Acquisition, datum: Datum, scene_m: ArrayLike) -> Tra
                  *(fit for fit, _ in fits), max(error for _, error in used), bool(bistatic))
 
 
-def evaluate(coefficients: np.ndarray, times_s: np.ndarray) -> np.ndarray:
+def evaluate(coefficients: np.ndarray, times_s: ArrayLike) -> np.ndarray:
     """(..., 3) positions of a polynomial (3, n) at times, seconds."""
     return np.moveaxis(np.polynomial.polynomial.polyval(times_s, coefficients.T), 0, -1)
 

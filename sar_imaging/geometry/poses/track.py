@@ -263,7 +263,7 @@ class PoseTrack:
         """Number of the newest pose's frame."""
         return int(self._frame[self._n - 1]) if self._n else self._first_frame
 
-    def add(self, stamp_ns: int, position_m: np.ndarray,
+    def add(self, stamp_ns: int, position_m: Sequence[float] | np.ndarray,
             quaternion: Sequence[float] | np.ndarray) -> PoseVerdict:
         """Take a pose.
 

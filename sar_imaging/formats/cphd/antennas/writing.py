@@ -104,7 +104,7 @@ def _fitted(gain_db: Callable[[np.ndarray, np.ndarray], np.ndarray],
     return out
 
 
-def _powers(lobe: np.ndarray, order: int) -> np.ndarray:
+def _powers(lobe: np.ndarray | tuple[float, float], order: int) -> np.ndarray:
     """(order + 1, order + 1) powers of a cosine, by row, of a lobe's Chebyshev polynomials."""
     out = np.zeros((order + 1, order + 1))
     for number in range(order + 1):
