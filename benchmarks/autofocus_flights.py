@@ -35,7 +35,7 @@ import pathlib
 import time
 
 import numpy as np
-from scipy import stats
+from scipy import special
 from tqdm import tqdm
 
 from benchmarks.support.drone_flights import (
@@ -296,8 +296,8 @@ def summary_of_tracks(rows) -> dict:
                 'at_most_a_third': int(np.sum(after <= before / 3)),
                 'nees': round(float(nees.mean()), 2), 'nees_median': round(float(
                     np.median(nees)), 2), 'beyond_99.9_percent': int(np.sum(nees > 10.83)),
-                'nees_bounds': [round(float(b), 2) for b in stats.chi2.ppf(
-                    [0.025, 0.975], len(some)) / len(some)]}
+                'nees_bounds': [round(float(b), 2) for b in special.chdtri(
+                    len(some), [0.975, 0.025]) / len(some)]}
     return out
 
 

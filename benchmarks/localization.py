@@ -31,7 +31,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse, Polygon
-from scipy import ndimage, stats
+from scipy import ndimage, special
 from tqdm import tqdm
 
 from sar_imaging.exploitation.localization import Estimate, Guess
@@ -62,7 +62,7 @@ from .tables import table
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'localization.json'
 DATA = pathlib.Path(__file__).parents[2] / 'shared' / 'data'
-GATE = float(stats.chi2.ppf(0.999, 3))
+GATE = float(special.chdtri(3, 0.001))
 IMAGE_M, MAP_M = 70.0, 120.0
 NEAR_DEG = 5.0
 #: Wrong by as much, features have found something else.
@@ -420,7 +420,7 @@ def summary(trials: list[Trial]) -> dict:
     if used:
         error, turned, nees = (np.array([getattr(t, name) for t in used])
                                for name in ('error_m', 'error_deg', 'nees'))
-        bounds = stats.chi2.ppf([0.025, 0.975], 3 * len(used)) / len(used)
+        bounds = special.chdtri(3 * len(used), [0.975, 0.025]) / len(used)
         out |= {'error_m_median': round(float(np.median(error)), 4),
                 'error_m_95_percent': round(float(np.percentile(error, 95)), 4),
                 'error_deg_median': round(float(np.median(turned)), 4),

@@ -30,7 +30,7 @@ import pathlib
 
 import numpy as np
 from matplotlib.figure import Figure
-from scipy import stats
+from scipy import special
 from tqdm import tqdm
 
 from sar_imaging.exploitation.localization import Estimate, Guess, Localizer
@@ -71,7 +71,7 @@ _LEAST_JOINED, _MOST_JOINED = 2, 4  # images that are looked for as one
 _STEP_NS = 5e7  # 10 m/s
 _KEY = 2  # every second image is a pose of the graph
 _NEAR_M = 14.0  # poses whose images may show one place
-_GATE = float(stats.chi2.ppf(0.999, 3))
+_GATE = float(special.chdtri(3, 0.001))
 
 
 def odometry(path: np.ndarray, rng: np.random.Generator) -> np.ndarray:
