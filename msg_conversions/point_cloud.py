@@ -17,6 +17,7 @@ from __future__ import annotations
 import sys
 
 import numpy as np
+from numpy.typing import ArrayLike
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
@@ -28,8 +29,8 @@ CELL_FIELDS = ('x', 'y', 'z', 'intensity')
 GEOGRAPHIC_FIELDS = ('latitude', 'longitude', 'altitude')
 
 
-def to_message(points: np.ndarray, header: Header, fields: tuple[str, ...] = FIELDS,
-               geographic: np.ndarray | None = None) -> PointCloud2:
+def to_message(points: ArrayLike, header: Header, fields: tuple[str, ...] = FIELDS,
+               geographic: ArrayLike | None = None) -> PointCloud2:
     """Write moving targets, obstacles or bright cells as a point cloud.
 
     Parameters

@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..backends import AUTO, optional_entry
 from ..geometry.grids import MapGrid
@@ -259,7 +260,7 @@ class OffsetSearch:
             sum(self._images(self._geometry(t)))[there[self._tile]])))
 
 
-def coverage(block: PulseBlock, geometry: Geometry, points_m: np.ndarray,
+def coverage(block: PulseBlock, geometry: Geometry, points_m: ArrayLike,
              pulses: slice | np.ndarray = slice(None)) -> np.ndarray:
     """Share of pulses whose profiles reach some points.
 
@@ -287,7 +288,7 @@ def coverage(block: PulseBlock, geometry: Geometry, points_m: np.ndarray,
     return np.mean((path >= first) & (path <= first + (block.n_samples - 1) * spacing), axis=1)
 
 
-def visible_phase(first: Geometry, second: Geometry, points: np.ndarray, wavenumber: float
+def visible_phase(first: Geometry, second: Geometry, points: ArrayLike, wavenumber: float
                   ) -> float:
     """Rms difference of the phases of two geometries that an image shows, radians.
 

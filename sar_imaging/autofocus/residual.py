@@ -65,7 +65,7 @@ class Residual:
         return float(20 * np.log10(np.hypot(self.common_rad, self.varying_rad) + 1e-12))
 
 
-def estimate_residual(block: PulseBlock, geometry: Geometry, points: np.ndarray, *,
+def estimate_residual(block: PulseBlock, geometry: Geometry, points: ArrayLike, *,
                       n_phases: int = 512) -> Residual:
     """Estimate the phase that is left in the pulses, and how well it is known.
 

@@ -110,7 +110,7 @@ class Estimate:
     n_visible: int
 
 
-def search(block: PulseBlock, model: GeometryModel, points: np.ndarray,
+def search(block: PulseBlock, model: GeometryModel, points: ArrayLike,
            parameters: ArrayLike | None = None, *, first_segments: int | None = None) -> Estimate:
     """Find the parameters that make the tiles around some points sharpest.
 

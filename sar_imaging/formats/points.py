@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, TextIO
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..files import replacing
 from ..geometry.earth import Datum
@@ -24,8 +25,8 @@ GEOJSON, CSV = FORMATS = ('geojson', 'csv')
 _DEGREES, _METRES = 9, 4  # decimals: a tenth of a millimetre
 
 
-def write_points(path: os.PathLike[str] | str, points_m: np.ndarray, datum: Datum,
-                 properties: Mapping[str, np.ndarray] | None = None) -> None:
+def write_points(path: os.PathLike[str] | str, points_m: ArrayLike, datum: Datum,
+                 properties: Mapping[str, ArrayLike] | None = None) -> None:
     """Write points with latitude, longitude and ellipsoidal height.
 
     GeoJSON (RFC 7946) has a feature for each point, longitude first as it demands. CSV has columns
@@ -118,8 +119,8 @@ def _value(value: object) -> Any:
 _ENDING = '.ply'
 
 
-def write_ply(path: os.PathLike[str] | str, points_m: np.ndarray,
-              properties: Mapping[str, np.ndarray] | None = None, comment: str = '') -> None:
+def write_ply(path: os.PathLike[str] | str, points_m: ArrayLike,
+              properties: Mapping[str, ArrayLike] | None = None, comment: str = '') -> None:
     """Write points with scalar properties as a binary PLY file, complete or not at all.
 
     ``x``, ``y`` and ``z`` are doubles, so that places far from the origin keep their millimetres;

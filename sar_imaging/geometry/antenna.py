@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import ArrayLike
 
 from .illumination import AntennaPattern, PatternCut, Pointing
 
@@ -105,7 +106,7 @@ class Mount:
         """Whether the platform must tell its attitude."""
         return self.kind == PLATFORM
 
-    def pointing(self, stamp_ns: np.ndarray, centre_m: np.ndarray,
+    def pointing(self, stamp_ns: np.ndarray, centre_m: ArrayLike,
                  attitude: scipy.spatial.transform.Rotation | None = None) -> Pointing:
         """Where the antenna looks at some pulses.
 

@@ -594,7 +594,7 @@ class PointGrid:
         return self.points_m
 
 
-def as_grid(grid: Grid | np.ndarray, height_m: ArrayLike | None = None) -> Grid:
+def as_grid(grid: Grid | ArrayLike, height_m: ArrayLike | None = None) -> Grid:
     """Grid of what users pass for one: itself, positions (..., 3), or a map and its heights.
 
     Raises
@@ -607,7 +607,9 @@ def as_grid(grid: Grid | np.ndarray, height_m: ArrayLike | None = None) -> Grid:
             raise ValueError(f'height_m goes with a MapGrid, not with {type(grid).__name__}; '
                              'other grids have their own z')
         return TerrainGrid(grid, np.asarray(height_m))
-    return grid if isinstance(grid, MapGrid | Grid) else PointGrid(grid)  # maps are told quickly
+    if isinstance(grid, MapGrid | Grid):  # maps are told quickly
+        return grid
+    return PointGrid(np.asarray(grid))
 
 
 def _check_infinite(name: str, values: np.ndarray) -> None:

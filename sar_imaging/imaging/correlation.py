@@ -47,7 +47,7 @@ class Correlation(Method):
         return image.astype(np.complex64).reshape(points.shape[:-1])
 
 
-def correlate(frequencies_hz: ArrayLike, spectra: ArrayLike, tx_m: np.ndarray, rx_m: np.ndarray,
+def correlate(frequencies_hz: ArrayLike, spectra: ArrayLike, tx_m: ArrayLike, rx_m: ArrayLike,
               points: ArrayLike, *, propagation_speed_m_per_s: float = SPEED_OF_LIGHT,
               illumination: Illumination | None = None, backend: str | Backend = AUTO,
               progress: bool = False) -> np.ndarray | tuple[np.ndarray, ...]:

@@ -101,7 +101,7 @@ _logger = logging.getLogger(__name__)
 _PLANNING_S, _WORTH_PLANNING_S = 0.03, 0.1
 
 
-def plan_image(grid: Grid | np.ndarray, radar: RadarParameters, n_samples: int,
+def plan_image(grid: Grid | ArrayLike, radar: RadarParameters, n_samples: int,
                tx_m: ArrayLike | None = None, rx_m: ArrayLike | None = None, *,
                method: str | type[Method] = AUTO, target_db: float = -60.0,
                height_m: ArrayLike | None = None, weights: ArrayLike | None = None,

@@ -120,7 +120,7 @@ EVERYTHING = PixelDensity()
 
 
 def aliasing_error(n: int, n_guard: float, beta: float, frequency: ArrayLike,
-                   place: np.ndarray | None = None, density: ArrayLike = (1.0,)) -> np.ndarray:
+                   place: ArrayLike | None = None, density: ArrayLike = (1.0,)) -> np.ndarray:
     """Mean squared errors of interpolated exponentials, relative to their power.
 
     The coarse grid holds n bins, those between ``-(n // 2)`` and ``n - n // 2 - 1``. With the

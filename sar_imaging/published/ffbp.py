@@ -28,6 +28,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
+from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from ..backends.cpu.lines import LINES, project_lines
@@ -339,8 +340,8 @@ def _pixels(node: Node) -> int:
     return node.shape[0] * node.shape[1]
 
 
-def plan_ffbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m: np.ndarray,
-              rx_m: np.ndarray, *, target_db: float = -60.0, pulses_per_subaperture: int = 16,
+def plan_ffbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m: ArrayLike,
+              rx_m: ArrayLike, *, target_db: float = -60.0, pulses_per_subaperture: int = 16,
               merge_factor: int | None = None, kernel: str | None = None,
               range_oversampling: float | None = None, angle_oversampling: float | None = None
               ) -> FfbpPlan:
@@ -1319,7 +1320,7 @@ def _knab(x: np.ndarray, half: float, oversampling: float) -> np.ndarray:
     return np.sinc(x) * (np.cosh(v * root) / np.cosh(v)).real
 
 
-def mean_gain(kernel: str, oversampling: float, drift: float, frequency: np.ndarray
+def mean_gain(kernel: str, oversampling: float, drift: float, frequency: ArrayLike
               ) -> tuple[np.ndarray, np.ndarray]:
     """What interpolation makes of a tone, over places that are evenly distributed.
 

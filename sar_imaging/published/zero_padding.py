@@ -16,6 +16,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import scipy.fft
+from numpy.typing import ArrayLike
 
 from ..backends.cpu.correlation import distance, phasor
 from ..compilation import njit, numba
@@ -113,7 +114,7 @@ class ZeroPaddingPlan(Plan):
         profiles = _COPIES * _SAMPLE_BYTES * self.echoes_per_pass * self.ratio * self.n_samples
         return profiles + math.prod(self.grid.shape) * (_POSITION_BYTES + _SUM_BYTES + IMAGE_BYTES)
 
-    def weights(self, position: np.ndarray) -> np.ndarray:
+    def weights(self, position: ArrayLike) -> np.ndarray:
         """Weights of the neighbours of a place between two zero-padded samples.
 
         Parameters

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 def multilook(power: np.ndarray, looks: tuple[int, int]) -> np.ndarray:
@@ -48,7 +49,7 @@ def multilook(power: np.ndarray, looks: tuple[int, int]) -> np.ndarray:
     return np.divide(total, count, out=np.full(shape, np.nan), where=count > 0)
 
 
-def equivalent_looks(power: np.ndarray) -> float:
+def equivalent_looks(power: ArrayLike) -> float:
     """Equivalent number of looks of an even area: its mean squared over its variance.
 
     One for the power of a single image of a rough surface, whose speckle is exponentially

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .description import DescriptionError, Section, of_part
 
@@ -18,7 +19,7 @@ _LATEST_S = 9e9  # of times in int64 nanoseconds: the year 2255
 _LATEST_RELATIVE_NS = 10**17  # three years; later ones count from 1970
 
 
-def to_nanoseconds(values: np.ndarray, unit_s: float = 1.0) -> np.ndarray:
+def to_nanoseconds(values: ArrayLike, unit_s: float = 1.0) -> np.ndarray:
     """Times in a unit as int64 nanoseconds, exact for whole nanoseconds.
 
     Parameters

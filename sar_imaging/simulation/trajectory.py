@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .noise import gaussian
 
@@ -81,7 +82,7 @@ class Trajectory:
     broadband_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     seed: int = 0
 
-    def positions(self, time_s: np.ndarray) -> np.ndarray:
+    def positions(self, time_s: ArrayLike) -> np.ndarray:
         """Positions at the times of all pulses.
 
         Parameters
@@ -151,7 +152,7 @@ class RasterScan:
             raise ValueError(f'n_per_row={self.n_per_row}, rate_hz={self.rate_hz}; expected at '
                              'least one place in a row and a positive rate')
 
-    def positions(self, time_s: np.ndarray) -> np.ndarray:
+    def positions(self, time_s: ArrayLike) -> np.ndarray:
         """Positions at the times of all pulses.
 
         Parameters

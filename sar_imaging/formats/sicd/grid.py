@@ -74,7 +74,7 @@ def thinned(acquisition: Acquisition) -> Acquisition:
                                        for name in ('stamp_ns', 'tx_m', 'rx_m')})
 
 
-def support(acquisition: Acquisition, point_m: np.ndarray, axis: np.ndarray) -> SpatialSupport:
+def support(acquisition: Acquisition, point_m: ArrayLike, axis: ArrayLike) -> SpatialSupport:
     """Spatial frequencies that the image has at a place along one direction.
 
     Parameters
