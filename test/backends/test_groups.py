@@ -22,7 +22,8 @@ from sar_imaging.backends.cpu.groups import merge, part_weights, quad_width
 from sar_imaging.backends.cpu.instructions import LANES
 from sar_imaging.backends.reference.correlation import correlate_spectra
 from sar_imaging.geometry import MapGrid
-from sar_imaging.planning.costs import DEFAULT, using
+from sar_imaging.planning.costs import DEFAULT, costs, using
+from sar_imaging.planning.exact import groups
 from sar_imaging.planning.exact.backprojection import GridLines, plan_backprojection
 from sar_imaging.planning.exact.groups import GROUP, plan_groups
 from sar_imaging.planning.interpolators import design_interpolator
@@ -120,6 +121,18 @@ def test_near_images_err_as_predicted(kind, target_db):
     plan = near.plan(target_db)
     assert plan.method == 'groups' and plan.predicted_error_db <= target_db
     assert near.error_db(near.image(plan)) <= plan.predicted_error_db + ALLOWED_DB
+
+
+def test_profiles_take_a_higher_degree_where_it_saves_positions_within_cells(monkeypatch):
+    tx = track('straight', 10.0, 200.0, 20.0)
+    near = Near(tx, tx, MapGrid((0.0, 0.0, 0.0), SIDE, SIDE, 0.05))
+    route = near.plan(-60.0).route
+    assert (route.resampling.n_phases, route.resampling.interpolator.n_planes) == (1, 10)
+    monkeypatch.setattr(groups, '_MOST_DEGREE', 3)
+    cubic = near.plan(-60.0).route
+    assert (cubic.resampling.n_phases, cubic.resampling.interpolator.n_planes) == (2, 8)
+    seconds = [costs().seconds(one.operations(near.grid, len(near.tx))) for one in (route, cubic)]
+    assert seconds[0] < seconds[1]
 
 
 @pytest.mark.parametrize('target_db', [-80.0, -45.0])

@@ -57,6 +57,7 @@ from .group_geometry import (
 from .points import PointPlan, plan_even_points
 
 DEGREE = 5  # of interpolators between lines and along them
+_MOST_DEGREE = 4  # of the polynomials of profiles
 #: Group of echoes as kernels take it: its echoes, its frame and its grids.
 GROUP = np.dtype([(name, np.int64) for name in (
     'first', 'end', 'axis', 'n_alpha', 'n_range', 'n_coarse')] + [(name, np.float64) for name in (
@@ -94,7 +95,7 @@ class Lengths(NamedTuple):
     Attributes
     ----------
     degree : int
-        Degree of the polynomials of the profiles.
+        Least degree of the polynomials of the profiles.
     taps, part_taps : int
         Neighbours of each pass to the map, and between lines of parts.
     """
@@ -301,9 +302,19 @@ class Echoes:
     def resampling(self, pitch_m: float, slopes: tuple[float, float]) -> RangeResampling:
         """How lines read the profiles: ranges `pitch_m` apart or less.
 
-        `slopes` are the least and the largest derivative of a half path by range.
+        `slopes` are the least and the largest derivative of a half path by range. Polynomials of
+        one more degree where they need fewer phases: a phase takes more time than they do.
         """
-        window, radar, errors = self.window, self.radar, _profile_errors(self.lengths.degree)
+        found = [one for degree in range(self.lengths.degree, _MOST_DEGREE + 1)
+                 if (one := self._resampling(degree, pitch_m, slopes)) is not None]
+        if not found:
+            raise _Unsuited
+        return min(found, key=lambda one: one.n_phases)  # the first of several
+
+    def _resampling(self, degree: int, pitch_m: float, slopes: tuple[float, float]
+                    ) -> RangeResampling | None:
+        """The quickest with polynomials of a degree; None where none meets the target."""
+        window, radar, errors = self.window, self.radar, _profile_errors(degree)
         middle, spacing = 0.5 * sum(slopes), window.radar.sample_spacing_m
         best, least = None, math.inf
         n_padded = window.n_samples if window.periodic else row_length(window.n_samples)
@@ -323,11 +334,9 @@ class Echoes:
                         least, best = cost, RangeResampling(
                             n_padded, n_cells, phases, segment, step, step * phases / middle,
                             design_interpolator(min(int(10 * oversampling + 1e-9), 39) / 10,
-                                                0.05 * margin + 0.03, degree=self.lengths.degree),
+                                                0.05 * margin + 0.03, degree=degree),
                             row[margin])
                     break
-        if best is None:
-            raise _Unsuited
         return best
 
 
