@@ -66,6 +66,7 @@ with mock(ROS):
     autosummary_context = {'pages': pages()}
 autodoc_mock_imports = ROS
 autodoc_typehints = 'none'  # numpydoc's sections state them
+autodoc_use_type_comments = False  # there are none, and to look for them takes time
 autodoc_member_order = 'bysource'
 numpydoc_show_class_members = False
 
