@@ -17,7 +17,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from scipy import ndimage, optimize
+from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from ..geometry.grids import MapGrid
@@ -320,6 +320,9 @@ def _lengths(blur_rad: np.ndarray, most: float) -> list[np.ndarray]:
 def _climbed(spread: Callable[[np.ndarray], float], start: np.ndarray, blur_rad: np.ndarray
              ) -> np.ndarray:
     """(D,) arm near a start (D,) with which most stands out, metres."""
+    # scipy.optimize takes its time to import, which a node need not wait for
+    from scipy.optimize import minimize
+
     def lack(phase_rad: np.ndarray) -> float:
         arm = phase_rad / blur_rad
         length = np.linalg.norm(arm)
@@ -327,7 +330,7 @@ def _climbed(spread: Callable[[np.ndarray], float], start: np.ndarray, blur_rad:
 
     first = start * blur_rad
     around = np.diag(np.minimum(_FELT_RAD / 2, 0.3 * _LONGEST_M * blur_rad))
-    found = optimize.minimize(lack, first, method='Nelder-Mead', options={
+    found = minimize(lack, first, method='Nelder-Mead', options={
         'initial_simplex': np.vstack([first, first + around]), 'maxfev': _MOST_CLIMBED,
         'xatol': 0.05, 'fatol': 0.05})
     return found.x / blur_rad

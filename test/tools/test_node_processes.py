@@ -28,7 +28,8 @@ pytestmark = pytest.mark.nodes
 def test_node_that_refuses_its_parameters_is_quoted(tmp_path):
     truth = bag_io.read_truth(PSF)
     truth['grid'] |= {'n_x': 100_000, 'n_y': 100_000}
-    with NodeProcesses(parameters_from_truth(truth), tmp_path, isolated_environment()) as nodes:
+    with NodeProcesses(parameters_from_truth(truth), tmp_path, isolated_environment(),
+                       nodes=['pulse_buffer', 'backprojection']) as nodes:
         deadline = time.monotonic() + 60
         with pytest.raises(NodeProcessError, match='backprojection ended with status 1') as error:
             while time.monotonic() < deadline:

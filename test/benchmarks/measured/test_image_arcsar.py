@@ -119,6 +119,7 @@ def test_measured_points_focus_where_they_stand():
 
 @pytest.mark.data
 @needs_data
+@pytest.mark.usefixtures('forked_nodes')
 def test_the_nodes_form_the_same_image(tmp_path):
     """Loaded by its description, through the pipeline over DDS: no beam is cut out by hand."""
     scene = ['--set', 'scene.centre_m=[1.32, 2.96, 0]', '--set', 'scene.size_m=[0.6, 0.6]',
