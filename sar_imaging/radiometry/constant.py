@@ -88,8 +88,9 @@ class RadarConstant:
                              ) from error
 
     @classmethod
-    def from_reflector(cls, amplitude: float, pixel: Sequence[float], response: ImageResponse,
-                       cross_section_m2: float, noise_power: float = math.nan) -> RadarConstant:
+    def from_reflector(cls, amplitude: float, pixel: Sequence[float] | np.ndarray,
+                       response: ImageResponse, cross_section_m2: float,
+                       noise_power: float = math.nan) -> RadarConstant:
         """Measured at a reflector of known cross section.
 
         Parameters

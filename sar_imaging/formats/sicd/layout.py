@@ -165,7 +165,7 @@ def _checked_steps(grid: Grid) -> np.ndarray:
     return grid.steps_m
 
 
-def _check_sampling(supports: Sequence[SpatialSupport], spacing: Sequence[float]) -> None:
+def _check_sampling(supports: Sequence[SpatialSupport], spacing: np.ndarray) -> None:
     for name, one, step in zip(('rows', 'columns'), supports, spacing, strict=True):
         if one.bandwidth * step > 1:
             raise ValueError(f'{name} are {step:g} m apart, but the image has detail of '
