@@ -109,11 +109,11 @@ demo: environment
 	@echo 'Replaying bags/countryside through pulse_buffer, range_compression and backprojection ...'
 	@$(RUN) -m sar_imaging.tools.evaluate bags/countryside --output out/demo --launch-nodes
 
-# The tests' bytecode is kept even if the shell wants none: three processes read the same files.
+# The tests' bytecode is kept even if the shell wants none: four processes read the same files.
 test test-quick: export PYTHONDONTWRITEBYTECODE =
 test: lint docs-libraries
-	@echo 'pytest, in three processes ...'
-	@$(RUN) -m pytest -n 3 --dist loadfile --no-loadscope-reorder
+	@echo 'pytest, in four processes ...'
+	@$(RUN) -m pytest -n 4 --dist loadfile --no-loadscope-reorder
 
 # What the hand that edits wants to know at once: conversions, geometry, signals, plans, pinned images.
 test-quick: environment
