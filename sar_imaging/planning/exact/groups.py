@@ -57,7 +57,6 @@ from .group_geometry import (
 from .points import PointPlan, plan_even_points
 
 DEGREE = 5  # of interpolators between lines and along them
-_MOST_DEGREE = 4  # of the polynomials of profiles
 #: Group of echoes as kernels take it: its echoes, its frame and its grids.
 GROUP = np.dtype([(name, np.int64) for name in (
     'first', 'end', 'axis', 'n_alpha', 'n_range', 'n_coarse')] + [(name, np.float64) for name in (
@@ -107,6 +106,7 @@ class Lengths(NamedTuple):
 
 #: By the error above which they are the quickest, dB.
 LENGTHS = {-50.0: Lengths(3, 8, 8), -68.0: Lengths(3, 10, 8), -math.inf: Lengths(4, 14, 10)}
+_MOST_DEGREE = LENGTHS[-math.inf].degree  # whose errors are known
 
 
 def lengths_for(target_db: float) -> Lengths:
@@ -303,7 +303,7 @@ class Echoes:
         """How lines read the profiles: ranges `pitch_m` apart or less.
 
         `slopes` are the least and the largest derivative of a half path by range. Polynomials of
-        one more degree where they need fewer phases: a phase takes more time than they do.
+        a higher degree where these need fewer phases: a phase takes more time than they do.
         """
         found = [one for degree in range(self.lengths.degree, _MOST_DEGREE + 1)
                  if (one := self._resampling(degree, pitch_m, slopes)) is not None]
