@@ -12,6 +12,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -54,7 +55,10 @@ class Plan:
     compared after a journey to another machine.
     """
 
-    errors_db: Mapping[str, float]
+    if TYPE_CHECKING:  # dataclasses would take a property for the value of a field
+        @property
+        def errors_db(self) -> Mapping[str, float]:
+            """Predicted error against time-domain correlation by cause, dB."""
 
     @property
     def predicted_error_db(self) -> float | None:

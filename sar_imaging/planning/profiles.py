@@ -16,7 +16,8 @@ import dataclasses
 import functools
 import itertools
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import scipy.fft
@@ -32,7 +33,13 @@ from .plan import total_db
 from .transform_lengths import cost_per_sample, smooth_lengths
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from ..geometry.illumination import Illumination
+
+    _Powers = tuple[tuple[int, float], ...]  # of a segment's half length, and errors at 1
+
+_Slope = TypeVar('_Slope', float, np.ndarray)
 
 
 class BeyondPeriod(ValueError):
@@ -91,16 +98,18 @@ class PhaseHistory:
         sign = 1 - 2 * ((np.arange(n_samples) - self.zero) % 2)
         self._gain = (sign * weights / weights.sum()).astype(np.float32)
 
-    def end_error(self, range_m, oversampling: float = math.inf) -> np.ndarray:
+    def end_error(self, range_m: ArrayLike, oversampling: float = math.inf) -> np.ndarray:
         """Zeros: what is periodic has no ends."""
         return np.zeros(np.shape(range_m))
 
-    def predictable(self, range_m, illuminated=True) -> np.ndarray:
+    def predictable(self, range_m: ArrayLike, illuminated: np.ndarray | np.bool_ | bool = True
+                    ) -> np.ndarray:
         """All half paths."""
         return np.ones(np.shape(range_m), bool)
 
-    def mean_end_error_db(self, range_m, n_axes: int = 2,
-                          oversampling: float = math.inf, illuminated=None) -> float:
+    def mean_end_error_db(self, range_m: np.ndarray, n_axes: int = 2,
+                          oversampling: float = math.inf, illuminated: np.ndarray | None = None
+                          ) -> float:
         """-inf: what is periodic has no ends."""
         return -math.inf
 
@@ -147,8 +156,9 @@ def check_reach(range_m: tuple[float, float], radar: RadarParameters, n_samples:
             f'profiles cover {start:.1f} to {stop:.1f} m; move the grid or the range window')
 
 
-def reach_warnings(points_m, tx_m, rx_m, radar: RadarParameters, n_samples: int,
-                   illumination: Illumination | None = None) -> tuple[str, ...]:
+def reach_warnings(points_m: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray,
+                   radar: RadarParameters, n_samples: int, illumination: Illumination | None = None
+                   ) -> tuple[str, ...]:
     """Say which share of the pixels lies beyond the profiles for some of the pulses.
 
     Nothing where all of them, (S, 3) all over the image, lie within the `n_samples` of the
@@ -249,7 +259,7 @@ class RangeGate:
         """Window that takes all samples."""
         return cls(radar, 0, n_samples, radar.range_start_m, 0, 0)
 
-    def end_error(self, range_m, oversampling: float = math.inf) -> np.ndarray:
+    def end_error(self, range_m: ArrayLike, oversampling: float = math.inf) -> np.ndarray:
         """(...) mean squared error at half paths (...), metres, because the window ends.
 
         Relative to the power of the profile, which is taken to go on beyond its ends: 1 where
@@ -268,7 +278,8 @@ class RangeGate:
                                      here + (distance - whole) * (beyond - here))
         return np.minimum(error, 1.0)
 
-    def predictable(self, range_m, illuminated=True) -> np.ndarray:
+    def predictable(self, range_m: ArrayLike, illuminated: np.ndarray | np.bool_ | bool = True
+                    ) -> np.ndarray:
         """(...) half paths (...), metres, at which an error can be told.
 
         Where some of those that are `illuminated` leave the profile, these are not near its ends.
@@ -280,8 +291,9 @@ class RangeGate:
         leaves = ((within < 0) & illuminated).any()
         return within >= (end_samples(self.radar) if leaves else -np.inf)
 
-    def mean_end_error_db(self, range_m, n_axes: int = 2,
-                          oversampling: float = math.inf, illuminated=None) -> float:
+    def mean_end_error_db(self, range_m: np.ndarray, n_axes: int = 2,
+                          oversampling: float = math.inf, illuminated: np.ndarray | None = None
+                          ) -> float:
         """Mean of `end_error` where it is `predictable` for all echoes, dB; NaN for nowhere.
 
         Half paths are those from some echoes to a square or cube of positions, edge to edge:
@@ -312,7 +324,8 @@ class RangeGate:
                 ).astype(np.float32)
 
 
-def error_near_ends_db(window: RangeGate, oversampling: float, tx_m, rx_m, points_m) -> float:
+def error_near_ends_db(window: RangeGate, oversampling: float, tx_m: np.ndarray, rx_m: np.ndarray,
+                       points_m: np.ndarray) -> float:
     """Mean error because a window ends near pixels, dB; NaN where nothing can be told.
 
     Few corners of an image make it: of a hundred pixels all over it, none or too many lie there.
@@ -356,7 +369,7 @@ def end_samples(radar: RadarParameters) -> int:
     return math.ceil(_SERIES_SHARPNESS / (1 - radar.bandwidth_hz / radar.sample_rate_hz))
 
 
-def mean_db(error, weight) -> float:
+def mean_db(error: ArrayLike, weight: ArrayLike) -> float:
     """Weighted mean of squared errors, (...), dB; NaN where no weight is positive."""
     error, weight = np.broadcast_arrays(error, weight)
     total = float(weight.sum())
@@ -464,7 +477,8 @@ class RangeResampling:
 
     def operations(self, n_echoes: int, n_pixels: int) -> dict[str, float]:
         """How often adding echoes to an image does the operations of `CostModel`."""
-        counts = {'profile_bin': self.n_padded, 'profile_cell': self.n_cells * self.n_phases}
+        counts: dict[str, float] = {
+            'profile_bin': self.n_padded, 'profile_cell': self.n_cells * self.n_phases}
         n_lines = n_pixels * self._passes
         counts |= ({'line_pixel': n_lines, 'line_segment': n_lines / self.segment}
                    if self.segment else {'point_pixel': n_pixels})
@@ -488,7 +502,8 @@ def least_cost(slopes: tuple[float, float], radar: RadarParameters) -> float:
 
 def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParameters,
                     n_samples: int, target_db: float, *, fit_spacing: bool = False,
-                    periodic: bool = False, passes=(ECHOES_PER_PASS,)) -> RangeResampling | None:
+                    periodic: bool = False, passes: Sequence[int] = (ECHOES_PER_PASS,)
+                    ) -> RangeResampling | None:
     """Choose range grid, segment and interpolator for an error target of reading a profile, dB.
 
     None where range does not follow the lines closely enough.
@@ -537,7 +552,8 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
     return None
 
 
-def _fitted(resampling, slopes, errors, radar, target_db) -> RangeResampling | None:
+def _fitted(resampling: RangeResampling, slopes: tuple[float, float], errors: _Powers,
+            radar: RadarParameters, target_db: float) -> RangeResampling | None:
     """A range grid with the interpolator that it needs; None where the target is surely missed.
 
     `slopes` are the least and the greatest of the paths.
@@ -568,17 +584,18 @@ def resampling_error_db(resampling: RangeResampling, paths: Paths, radar: RadarP
         paths, echoes, radar, resampling.echoes_per_pass))
 
 
-def _drift(resampling, slope) -> np.ndarray:
+def _drift(resampling: RangeResampling, slope: _Slope) -> _Slope:
     """How far the pixels of some echoes drift over half a segment, range steps."""
     return (abs(slope * resampling.spacing - resampling.cell_m)
             * (resampling.segment / 2 / resampling.step_m))
 
 
-def _drifting_db(resampling, paths, echoes, drift) -> float:
+def _drifting_db(resampling: RangeResampling, paths: Paths, echoes: np.ndarray, drift: np.ndarray
+                 ) -> float:
     return 10 * math.log10(paths.mean(resampling.interpolator.error_with_drift(drift), echoes))
 
 
-def _predicted_db(resampling, interpolation_db, errors) -> float:
+def _predicted_db(resampling: RangeResampling, interpolation_db: float, errors: _Powers) -> float:
     half = resampling.spacing * resampling.segment / 2
     return total_db(interpolation_db, *(20 * math.log10(error * half ** power + 1e-12)
                                         for power, error in errors))
@@ -593,7 +610,8 @@ def _some_echoes(paths: Paths) -> np.ndarray:
     return echoes[np.linspace(0, n - 1, min(n, _ECHOES_FOR_ERRORS)).round().astype(int)]
 
 
-def middle_of_pass(echoes, parts, n: int, together: int = ECHOES_PER_PASS) -> np.ndarray:
+def middle_of_pass(echoes: np.ndarray, parts: Sequence[int], n: int,
+                   together: int = ECHOES_PER_PASS) -> np.ndarray:
     """(K,) int64 middle of the pass of each echo, of n; `parts` are the first added by itself."""
     part = np.searchsorted(parts, echoes, 'right')
     first, stop = np.take(parts, part - 1), np.append(parts, n)[part]
@@ -601,7 +619,8 @@ def middle_of_pass(echoes, parts, n: int, together: int = ECHOES_PER_PASS) -> np
     return start + np.minimum(stop - start, together) // 2
 
 
-def _expansion_errors(paths, echoes, radar, together: int):
+def _expansion_errors(paths: Paths, echoes: np.ndarray, radar: RadarParameters, together: int
+                      ) -> _Powers:
     """Rms errors over a segment of half length 1, and the powers of it that they grow with.
 
     d_n being the path's derivatives by f, -1 to 1, the envelope's place lacks d_3 f^3 / 6, the
@@ -638,7 +657,8 @@ def plan_point_resampling(window: RangeGate | PhaseHistory, target_db: float) ->
                            total_db(interpolator.error_db))
 
 
-def _commensurate(n_samples, spacing_m, pitch, phases, *, finer=False, periodic=False):
+def _commensurate(n_samples: int, spacing_m: float, pitch: float, phases: int, *,
+                  finer: bool = False, periodic: bool = False) -> tuple[int, int]:
     """Padded length and number of cells, quick to transform, nearest to the pitch.
 
     N padded samples s apart make n cells of ``N s / n``. With `finer` these may be smaller than

@@ -16,6 +16,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +28,9 @@ from ..costs import costs
 from ..interpolators import Interpolator, design_interpolator
 from ..plan import total_db
 from ..profiles import RangeResampling
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 BEAM_TAPS, DEGREE = 6, 5  # neighbours between beams, and degree of the polynomials
 STEP_BINS = 16  # over which phases of the beams of a group are taken to grow alike
@@ -87,7 +91,9 @@ def _repeated(between: BeamGain, group: int) -> np.ndarray:
     return np.exp(between.log_gain) * np.sqrt(power @ share / share.sum())
 
 
-def shared_errors(between: Sequence[BeamGain], radians, chirp, uneven, relative, groups):
+def shared_errors(between: Sequence[BeamGain], radians: np.ndarray, chirp: np.ndarray,
+                  uneven: ArrayLike, relative: Sequence[float], groups: Sequence[int]
+                  ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rms errors of what neighbouring beams, bins and echoes share, for I kinds of beams.
 
     From beam to beam an echo is ``exp(j phi(m))`` of frequency ``f = phi' / (2 pi)``, and is to be
@@ -149,7 +155,7 @@ def shared_errors(between: Sequence[BeamGain], radians, chirp, uneven, relative,
             rms[:, 2 + 2 * n:] * np.reshape(uneven, (-1, 1)) * beside)
 
 
-def rms_of_echoes(errors) -> np.ndarray:
+def rms_of_echoes(errors: np.ndarray) -> np.ndarray:
     """Rms over echoes of the largest of errors (..., D, V, R) anywhere; of V the worst."""
     return np.sqrt((np.abs(errors).max(axis=-3) ** 2).mean(axis=-1).max(axis=-1))
 
@@ -217,12 +223,14 @@ class BeamGeometry:
     direction: tuple[float, float]
 
     @classmethod
-    def of(cls, polar: PolarGrid, edges: np.ndarray, tx_m, rx_m) -> BeamGeometry | None:
+    def of(cls, polar: PolarGrid, edges: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray
+           ) -> BeamGeometry | None:
         """Coordinates for some echoes, see `around`."""
         return cls.around(polar, edges, 0.5 * (tx_m + rx_m).sum(axis=0) / len(tx_m))
 
     @classmethod
-    def around(cls, polar: PolarGrid, edges: np.ndarray, centre) -> BeamGeometry | None:
+    def around(cls, polar: PolarGrid, edges: np.ndarray, centre: np.ndarray
+               ) -> BeamGeometry | None:
         """Coordinates around mean phase centres; None where the plane is too steep below one.
 
         `edges` are the grid's, from `grid_edges`.
@@ -249,7 +257,7 @@ class BeamGeometry:
         margin, clear = _MARGIN * (high - low), _CLEAR * np.sqrt(1 - height ** 2)
         return np.minimum(low - margin, -clear), np.maximum(high + margin, clear)
 
-    def beam_path(self, tx_m, rx_m, direction) -> np.ndarray:
+    def beam_path(self, tx_m: np.ndarray, rx_m: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """`extra_path`, continued straight beyond the known directions, where it ends.
 
         `direction` ascends.
@@ -262,7 +270,7 @@ class BeamGeometry:
                 + before * np.minimum(direction - low, 0.0)[..., None]
                 + after * np.maximum(direction - high, 0.0)[..., None])
 
-    def extra_path(self, tx_m, rx_m, direction) -> np.ndarray:
+    def extra_path(self, tx_m: np.ndarray, rx_m: np.ndarray, direction: ArrayLike) -> np.ndarray:
         """(S, R) by how much half paths are longer than the distance from the centre, metres.
 
         With w the offset of a phase centre from the middle and p that of the point in a
@@ -270,20 +278,22 @@ class BeamGeometry:
         """
         return self._expansion(tx_m, rx_m, direction, 0)[0]
 
-    def slope(self, tx_m, rx_m, direction) -> np.ndarray:
+    def slope(self, tx_m: np.ndarray, rx_m: np.ndarray, direction: ArrayLike) -> np.ndarray:
         """(S, R) derivative of `extra_path` by direction, metres."""
         before, after = (self.extra_path(tx_m, rx_m, np.add(direction, step))
                          for step in (-_DIRECTION_STEP, _DIRECTION_STEP))
         return (after - before) / (2 * _DIRECTION_STEP)
 
-    def expansion(self, tx_m, rx_m, direction) -> list[np.ndarray]:
+    def expansion(self, tx_m: np.ndarray, rx_m: np.ndarray, direction: ArrayLike
+                  ) -> list[np.ndarray]:
         """(S, R) `extra_path`, its first and its second derivative by direction, metres.
 
         In directions in which the plane lies within sight.
         """
         return self._expansion(tx_m, rx_m, direction, 2)
 
-    def _expansion(self, tx_m, rx_m, direction, order: int) -> list[np.ndarray]:
+    def _expansion(self, tx_m: np.ndarray, rx_m: np.ndarray, direction: ArrayLike, order: int
+                   ) -> list[np.ndarray]:
         """(S, R) `extra_path` and its first derivatives by direction."""
         height, range_m = (np.asarray(v)[..., None] for v in (self.height_m, self.range_m))
         along = range_m * np.asarray(direction, np.float64)
@@ -308,11 +318,11 @@ class BeamGeometry:
         n = tx_m.shape[-2]
         return found if both is tx_m else [0.5 * (v[..., :n] + v[..., n:]) for v in found]
 
-    def uneven(self, tx_m, rx_m) -> float:
+    def uneven(self, tx_m: np.ndarray, rx_m: np.ndarray) -> float:
         """`unevenness` of echoes."""
         return unevenness(self.slope(tx_m, rx_m, self.direction))
 
-    def spread(self, tx_m, rx_m, beyond: float = 0.0) -> float:
+    def spread(self, tx_m: np.ndarray, rx_m: np.ndarray, beyond: float = 0.0) -> float:
         """Largest derivative of `beam_path` by direction up to so far beyond the grid, metres."""
         low, high = self.direction
         directions = np.linspace(low - beyond, high + beyond, _DIRECTIONS, axis=-1)
@@ -402,7 +412,8 @@ class BeamSampling:
         """Beams over some extent in direction cosine, with those that interpolation needs."""
         return int(_n_beams(span, self.spacing))
 
-    def directions(self, beams: BeamGeometry, tx_m, rx_m) -> tuple[float, float, int]:
+    def directions(self, beams: BeamGeometry, tx_m: np.ndarray, rx_m: np.ndarray
+                   ) -> tuple[float, float, int]:
         """First direction cosine, spacing and number of the beams of a sub-aperture.
 
         They lie closer where its echoes spread further than those that were planned for.
@@ -413,7 +424,7 @@ class BeamSampling:
             spacing *= self.spread_m / spread
         return low - OUTSIDE * spacing, spacing, int(_n_beams(high - low, spacing))
 
-    def range_gain(self, gain, number, n_cells: int) -> np.ndarray:
+    def range_gain(self, gain: np.ndarray, number: np.ndarray, n_cells: int) -> np.ndarray:
         """(N,) float64 by what bins of a profile's spectrum are multiplied on the way to cells.
 
         What interpolation along range takes from each frequency is made good. Where the `n_cells`
@@ -445,8 +456,8 @@ class BeamSampling:
         return counts | {'weighed_image': n_images} if self.n_weighed else counts
 
 
-def least_operations(n_echoes: int, resampling: RangeResampling, n_pixels: int,
-                     n_needed: float) -> dict[str, float]:
+def least_operations(n_echoes: float | np.ndarray, resampling: RangeResampling,
+                     n_pixels: float | np.ndarray, n_needed: float | np.ndarray) -> dict[str, Any]:
     """What `BeamSampling.operations` is not below, whatever the sampling.
 
     `n_needed` is the number of beams that lie as far apart as the band of the echoes lets them.
@@ -475,18 +486,21 @@ def least_bending_slope(polar: PolarGrid, radar: RadarParameters, target_db: flo
 
 # The next three take numbers, or arrays that are broadcast together.
 
-def _n_beams(span, spacing):
+def _n_beams(span: float | np.ndarray, spacing: float | np.ndarray) -> Any:
     return np.ceil(span / spacing) + BEAM_TAPS + 2 * BEYOND
 
 
-def _groups(n_beams, most):
+def _groups(n_beams: float | np.ndarray, most: int | np.ndarray) -> tuple[Any, Any]:
     """Number and size of the groups of beams."""
     size = np.ceil(n_beams / np.ceil(n_beams / most))
     size = np.where(np.greater(most, 1), size + size % 2, 1)
     return np.ceil(n_beams / size), size
 
 
-def _operations(n_beams, most, paired, segment, n_echoes, resampling, n_pixels, n_images=1):
+def _operations(n_beams: float | np.ndarray, most: int | np.ndarray, paired: bool | np.ndarray,
+                segment: int | np.ndarray, n_echoes: float | np.ndarray,
+                resampling: RangeResampling, n_pixels: float | np.ndarray, n_images: int = 1
+                ) -> dict[str, Any]:
     (n_groups, size), n = _groups(n_beams, most), n_echoes * resampling.n_padded
     return {'beam_bin': n_groups * size * np.where(paired, 0.5, 1.0) * n,
             'beam_group': n_groups * n,
@@ -495,9 +509,9 @@ def _operations(n_beams, most, paired, segment, n_echoes, resampling, n_pixels, 
             'beam_segment': n_images * n_pixels / segment}
 
 
-def plan_beams(polar: PolarGrid, radar: RadarParameters, resampling: RangeResampling, subapertures,
-               target_db: float, reach_m: float,
-               padding_m: float = math.inf) -> BeamSampling | None:
+def plan_beams(polar: PolarGrid, radar: RadarParameters, resampling: RangeResampling,
+               subapertures: Sequence[tuple[np.ndarray, np.ndarray]], target_db: float,
+               reach_m: float, padding_m: float = math.inf) -> BeamSampling | None:
     """Quickest sampling of beams that meets a target.
 
     An echo whose path grows by ``dL/ds`` with direction cosine s has ``k dL/ds`` radians per unit
@@ -569,7 +583,8 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, resampling: RangeResamp
              + seen.phase_error ** 2
              + 10 ** (total_db(along.error_db, _ARITHMETIC_DB) / 10))
 
-    def errors(some, views=slice(None), groups=_GROUPS) -> np.ndarray:
+    def errors(some: Sequence[int] | np.ndarray, views: slice = slice(None),
+               groups: Sequence[int] = _GROUPS) -> np.ndarray:
         """Of some oversamplings and groups, arranged as the costs are; of some views a bound."""
         between, spacing = [_between(i) for i in some], spacings[some][:, None, None, None]
         always, grouped, shared = shared_errors(
@@ -611,7 +626,7 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, resampling: RangeResamp
     return None
 
 
-def _read_straight(drift, oversampling: float):
+def _read_straight(drift: np.ndarray, oversampling: float | np.ndarray) -> np.ndarray:
     """Rms error of reading at places that drift by so many samples, as if evenly."""
     return drift ** 3 / 6 * (math.pi / oversampling) ** 3 / 7
 
@@ -634,7 +649,7 @@ class _Views:
     # and of the direction cosine's first and second
     by_range: tuple[tuple[float, float], float, float, float, float]
 
-    def drifts(self, half_m, cell: float) -> tuple[np.ndarray, np.ndarray]:
+    def drifts(self, half_m: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
         """Errors of straight lines for distance, metres, and direction over S half segments.
 
         `half_m` are the halves, (S,) metres, `cell` the slope of the distance along ranges.
@@ -644,7 +659,8 @@ class _Views:
         return d1 * half_m + d2 * half_m ** 2 / 2, s1 * half_m + s2 * half_m ** 2 / 2
 
 
-def _seen_from_middles(polar: PolarGrid, subapertures, radar: RadarParameters) -> _Views | None:
+def _seen_from_middles(polar: PolarGrid, subapertures: Sequence[tuple[np.ndarray, np.ndarray]],
+                       radar: RadarParameters) -> _Views | None:
     """None where the plane is too steep below one of the sub-apertures."""
     centre = np.stack([0.5 * (tx + rx).mean(axis=0) for tx, rx in subapertures])
     beams = BeamGeometry.around(polar, grid_edges(polar), centre)

@@ -14,6 +14,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -75,8 +76,8 @@ class SubapertureAmplitudes:
         # of each node three coordinates in float64, and three coefficients in float32
         return self.illumination.n_bytes + 36 * self.n_nodes(coarse, segment)
 
-    def of_subaperture(self, polar: PolarGrid, radar: RadarParameters, tx_m, rx_m,
-                       illumination: Illumination) -> tuple[float, float]:
+    def of_subaperture(self, polar: PolarGrid, radar: RadarParameters, tx_m: np.ndarray,
+                       rx_m: np.ndarray, illumination: Illumination) -> tuple[float, float]:
         """Power of a sub-aperture's echoes and error of their amplitudes.
 
         Both are relative to the power of the echoes that were planned for; arguments are as of
@@ -129,7 +130,7 @@ def node_pulses(n_pulses: int) -> np.ndarray:
     return np.rint(np.array(NODES) * n_pulses - 0.5).astype(np.int64).clip(0, n_pulses - 1)
 
 
-def parabola(place, value) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def parabola(place: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Coefficients of the parabolas through three points each, (..., 3) places and values.
 
     A straight line through the outer ones where the middle one is near one of them, as where a
@@ -169,8 +170,9 @@ class AmplitudeError:
         Largest error of the amplitudes, dB.
     """
 
-    def __init__(self, polar: PolarGrid, radar: RadarParameters, tx_m, rx_m,
-                 illumination: Illumination, target_db: float, most_pairs: int = MOST_PAIRS):
+    def __init__(self, polar: PolarGrid, radar: RadarParameters, tx_m: np.ndarray,
+                 rx_m: np.ndarray, illumination: Illumination, target_db: float,
+                 most_pairs: int = MOST_PAIRS):
         shares = error_budget(target_db, AFBP_SHARES)
         self.budget_db, self._images_db = shares['illumination'], shares['sub-aperture images']
         self._polar, self._illumination, self._radar = polar, illumination, radar
@@ -194,7 +196,7 @@ class AmplitudeError:
         self._ratio = np.random.default_rng(2).uniform(
             low, high, len(self._echoes)) / radar.wavenumber_rad_per_m
 
-    def n_weighed(self, pulses) -> int | None:
+    def n_weighed(self, pulses: Sequence[slice]) -> int | None:
         """In how few images from beams echoes are weighed well enough, see `BeamSampling`.
 
         `pulses` are those of the sub-apertures. None where parabolas miss the budget even channel
@@ -207,7 +209,7 @@ class AmplitudeError:
         return self._n_channels if by_channel else None
 
     def plan(self, coarse: PolarGrid, resampling: RangeResampling, beams: BeamSampling | None,
-             pulses) -> tuple[RangeResampling, SubapertureAmplitudes]:
+             pulses: Sequence[slice]) -> tuple[RangeResampling, SubapertureAmplitudes]:
         """How images of sub-apertures are weighed, and how their lines read the profiles.
 
         Parameters
@@ -243,19 +245,20 @@ class AmplitudeError:
         return resampling, SubapertureAmplitudes(illumination, seen, lines, self.power,
                                                  lines.predicted_error_db)
 
-    def error(self, pulses, by_channel: bool = False) -> float:
+    def error(self, pulses: Sequence[slice], by_channel: bool = False) -> float:
         """Mean square relative to the power of the image; `pulses` are the sub-apertures'."""
         wrong, power, echoes = self._squares(pulses, by_channel)
         # echoes of a platform that stands still add up coherently
         weight = self._weight[echoes]
         return bounded_ratio(weight * wrong, weight * power)
 
-    def mean_square(self, pulses, by_channel: bool) -> float:
+    def mean_square(self, pulses: Sequence[slice], by_channel: bool) -> float:
         """Of errors, over pulses of sub-apertures that light a point."""
         wrong = self._squares(pulses, by_channel)[0]
         return float(wrong.mean()) if len(wrong) else 0.0
 
-    def _squares(self, pulses, by_channel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _squares(self, pulses: Sequence[slice], by_channel: bool
+                 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(n,) of errors and of amplitudes, and of which echoes."""
         starts = np.array([p.start for p in pulses])
         stops = np.array([p.stop for p in pulses])
@@ -292,8 +295,8 @@ class AmplitudeError:
         return bounded_ratio(wrong ** 2, true ** 2)
 
 
-def seen_subapertures(coarse: PolarGrid, pulses, illumination: Illumination, n_channels: int
-                      ) -> frozenset[int]:
+def seen_subapertures(coarse: PolarGrid, pulses: Sequence[slice], illumination: Illumination,
+                      n_channels: int) -> frozenset[int]:
     """Numbers of the sub-apertures of which some pulse lights a part of a grid.
 
     Every pulse is looked at: narrow beams may light the grid between any two of them.

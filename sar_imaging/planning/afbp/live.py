@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from ...geometry.grids import MapGrid
-from ...geometry.half_paths import half_paths, sample_paths
+from ...geometry.half_paths import Paths, half_paths, sample_paths
 from ...geometry.illumination import Illumination
 from ...geometry.polar import PolarGrid
 from ...signal.radar import RadarParameters
@@ -26,14 +27,14 @@ from ..plan import LIVE_SHARES, remaining_db, total_db
 from ..polar_cover import DEAPODISED_TAPS, PolarCover
 from .plan import AfbpPlan, check_arguments
 from .polar_grids import cover_for_fusion
-from .subapertures import LocalSpectrum, local_spectrum, plan_subapertures
+from .subapertures import LocalSpectrum, SubaperturePlan, local_spectrum, plan_subapertures
 
 _SAMPLES_PER_SIDE = 5  # map positions at which errors are looked up
 _WAVENUMBERS = 5  # of the band
 _PULSES = 64  # of a sub-aperture or a window
 
 
-def reading_db(cover: PolarCover, polar: PolarGrid, tx_m, rx_m,
+def reading_db(cover: PolarCover, polar: PolarGrid, tx_m: np.ndarray, rx_m: np.ndarray,
                illumination: Illumination | None = None, *, centred: bool = False) -> float:
     """Mean error of both passes of the interpolation to a map, relative to the echoes' power, dB.
 
@@ -74,7 +75,7 @@ def reading_db(cover: PolarCover, polar: PolarGrid, tx_m, rx_m,
             (cover.along, along_range, polar.range_spacing_m))))
 
 
-def ends_db(cover: PolarCover, polar: PolarGrid, tx_m, rx_m,
+def ends_db(cover: PolarCover, polar: PolarGrid, tx_m: np.ndarray, rx_m: np.ndarray,
             illumination: Illumination | None = None) -> float:
     """Error on the map because profiles end, dB; arguments as of `reading_db`."""
     paths = _of_some_echoes(cover, polar, tx_m, rx_m, illumination)[-1]
@@ -83,7 +84,10 @@ def ends_db(cover: PolarCover, polar: PolarGrid, tx_m, rx_m,
         illuminated=paths.illuminated)
 
 
-def _of_some_echoes(cover, polar, tx_m, rx_m, illumination):
+def _of_some_echoes(cover: PolarCover, polar: PolarGrid, tx_m: np.ndarray, rx_m: np.ndarray,
+                    illumination: Illumination | None
+                    ) -> tuple[list[np.ndarray], tuple[np.ndarray, np.ndarray],
+                               tuple[np.ndarray, ...], Paths]:
     """Of samples of the map, seen by echoes of some pulses.
 
     Phase centres, two (R, 3); range and direction, (S,) each; positions and derivatives of the
@@ -141,8 +145,8 @@ class LivePlan(AfbpPlan):
                 f'{fusion.coarse.n_range} pixels, fused to {fusion.polar.n_alpha} x '
                 f'{fusion.polar.n_range}')
 
-    def check(self, tx_m, rx_m, illumination: Illumination | None = None, window=None
-              ) -> tuple[float, float, float] | None:
+    def check(self, tx_m: np.ndarray, rx_m: np.ndarray, illumination: Illumination | None = None,
+              window: Sequence[np.ndarray] | None = None) -> tuple[float, float, float] | None:
         """Middle of the band of a sub-aperture, metres, its error on the map and its power, dB.
 
         As `SubaperturePlan.check`, from its real phase centres, (P, C, 3) float64, metres. None
@@ -191,9 +195,10 @@ def extension(n_pulses: int, length: int, slack: float) -> tuple[int, int]:
     return extra // 2, extra - extra // 2
 
 
-def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
-              target_db: float, pulses_per_subaperture: int | None = None, slack: float = 1.0,
-              n_window: int = 0, illumination: Illumination | None = None) -> LivePlan:
+def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m: np.ndarray,
+              rx_m: np.ndarray, *, target_db: float, pulses_per_subaperture: int | None = None,
+              slack: float = 1.0, n_window: int = 0, illumination: Illumination | None = None
+              ) -> LivePlan:
     """Plan the sub-apertures of an aperture before its pulses came; arguments as of `plan_afbp`.
 
     `tx_m` and `rx_m` are phase centres as foreseen, extended at both ends (`extension`).
@@ -219,7 +224,7 @@ def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m,
                                        shares=LIVE_SHARES, illumination=illumination)
     margin_db = min(slack, 2.0) * _FUSION_MARGIN_DB
 
-    def planned(n_pulses):
+    def planned(n_pulses: int) -> SubaperturePlan:
         polar = cover.polar if not n_pulses else _for_windows(
             cover.polar, radar, tx_m, rx_m, n_pulses, cover.between.oversampling)
         return plan_subapertures(polar, radar, n_samples, tx_m, rx_m,
@@ -248,8 +253,8 @@ def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m,
                        reading_limit_db=reading_limit_db if slack else math.inf)
 
 
-def _for_windows(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window: int,
-                 oversampling: float) -> PolarGrid:
+def _for_windows(polar: PolarGrid, radar: RadarParameters, tx_m: np.ndarray, rx_m: np.ndarray,
+                 n_window: int, oversampling: float) -> PolarGrid:
     """A polar grid with as many directions as images of windows of the track need.
 
     At baseband along direction their band is that of the window, wherever that lies.
@@ -271,8 +276,8 @@ def _for_windows(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window:
         n_alpha=math.ceil(extent / spacing) + 2 * beyond)
 
 
-def _windows_db(polar: PolarGrid, radar: RadarParameters, tx_m, rx_m, n_window: int,
-                between: Interpolator) -> float:
+def _windows_db(polar: PolarGrid, radar: RadarParameters, tx_m: np.ndarray, rx_m: np.ndarray,
+                n_window: int, between: Interpolator) -> float:
     """Error of the interpolation between lines in the worst of some windows, dB."""
     bands, width = _bands_of_some(polar, radar, tx_m, rx_m, n_window)
     n_channels, worst_db = rx_m.shape[1], -math.inf
@@ -292,7 +297,8 @@ def _first_of_windows(last: int) -> np.ndarray:
     return np.unique(np.linspace(0, max(last, 0), _WINDOWS).astype(int))
 
 
-def _bands_of_some(polar, radar, tx_m, rx_m, n_window) -> tuple[LocalSpectrum, int]:
+def _bands_of_some(polar: PolarGrid, radar: RadarParameters, tx_m: np.ndarray, rx_m: np.ndarray,
+                   n_window: int) -> tuple[LocalSpectrum, int]:
     """Local frequencies of some pulses of a track, and how many of these a window has."""
     step = max(1, len(tx_m) // _ROWS_FOR_COVER)
     tx_m, rx_m = tx_m[::step], rx_m[::step]

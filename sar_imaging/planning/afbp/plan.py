@@ -8,6 +8,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from ..polar_cover import PolarCover
 from ..profiles import PhaseHistory, covered_ranges, reach_warnings, some_pixels
 from .polar_grids import cover_for_fusion
 from .subapertures import SubaperturePlan, plan_subapertures
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 _LEAST_DB, _MOST_DB = -90.0, -20.0  # targets
 # Times as long as exact backprojection point by point: steep and wide apertures fill so wide a
@@ -69,7 +73,7 @@ class AfbpPlan(Plan):
 
     @classmethod
     def of(cls, grid: MapGrid | PolarGrid, tx_m: np.ndarray, rx_m: np.ndarray,
-           plan: SubaperturePlan, cover: PolarCover | None, **more) -> AfbpPlan:
+           plan: SubaperturePlan, cover: PolarCover | None, **more: Any) -> AfbpPlan:
         """Plan of an image from that of the sub-apertures of its polar image.
 
         `cover` tells how a map is made from that; None for a polar grid. The other arguments are
@@ -101,8 +105,8 @@ class AfbpPlan(Plan):
                    warnings, **more)
 
 
-def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
-              target_db: float, pulses_per_subaperture: int | None = None,
+def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int, tx_m: ArrayLike,
+              rx_m: ArrayLike, *, target_db: float, pulses_per_subaperture: int | None = None,
               compressed: bool = True, weighting: str = 'none',
               illumination: Illumination | None = None) -> AfbpPlan:
     """Plan the image of an aperture; arguments as of `imaging.imager.plan_image`.
@@ -133,7 +137,7 @@ def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
     return AfbpPlan.of(grid, tx_m, rx_m, plan, cover)
 
 
-def check_arguments(grid, target_db: float, tx_m: np.ndarray, rx_m: np.ndarray) -> None:
+def check_arguments(grid: object, target_db: float, tx_m: np.ndarray, rx_m: np.ndarray) -> None:
     """Refuse what AFBP cannot image, with a ValueError."""
     if not isinstance(grid, MapGrid | PolarGrid):
         raise ValueError(f'grid is a {type(grid).__name__}; AFBP images a MapGrid or a PolarGrid; '
@@ -154,7 +158,7 @@ def _check_seconds(seconds: float, n_pairs: int) -> None:
                          'for this aperture; use exact backprojection')
 
 
-def _operations(grid, plan: SubaperturePlan) -> dict[str, float]:
+def _operations(grid: MapGrid | PolarGrid, plan: SubaperturePlan) -> dict[str, float]:
     n_echoes = plan.n_channels * sum(p.stop - p.start for p in plan.sampling.pulses)
     seen = plan.n_subapertures if plan.amplitudes is None else len(plan.amplitudes.seen)
     counts = {'image': 1 + seen,
@@ -164,7 +168,7 @@ def _operations(grid, plan: SubaperturePlan) -> dict[str, float]:
     return counts | plan.fusion_grid.operations(seen)
 
 
-def _n_bytes(grid, plan: SubaperturePlan) -> int:
+def _n_bytes(grid: MapGrid | PolarGrid, plan: SubaperturePlan) -> int:
     """Fused spectrum, two sub-aperture images, and the image: a map may take the spectrum's."""
     fused, coarse = plan.fusion_grid, plan.coarse
     spectrum = fused.n_fine * len(fused.range_wavenumbers)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -112,7 +112,7 @@ class UnifiedPolarGrids(FusionSizes):
     alpha_oversampling: float = 1.0
     propagation_speed_m_per_s: float = SPEED_OF_LIGHT
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('n_guard', 'half_range', 'carrier_hz', 'propagation_speed_m_per_s'):
             value = getattr(self, name)
             if not 0 < value < math.inf:
@@ -191,7 +191,7 @@ class UnifiedPolarGrids(FusionSizes):
         """Two-way wavenumber at the carrier, radians per metre of half path."""
         return 4.0 * math.pi * self.carrier_hz / self.propagation_speed_m_per_s
 
-    def check_contribution(self, image, centre_m: float) -> None:
+    def check_contribution(self, image: np.ndarray, centre_m: float) -> None:
         """Raise ValueError for what is no image on `coarse`, or a centre that is not finite."""
         shape = self.n_coarse, self.n_coarse_range
         expected = shape if np.iscomplexobj(image) else (2, *shape)
@@ -213,8 +213,8 @@ _WAVENUMBERS = 3  # of the band
 _ECHOES = 256
 
 
-def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
-                     target_db: float, band: PhaseHistory | None = None,
+def cover_for_fusion(grid: MapGrid, tx_m: np.ndarray, rx_m: np.ndarray, radar: RadarParameters,
+                     n_samples: int, target_db: float, band: PhaseHistory | None = None,
                      shares: Mapping[str, float] = AFBP_SHARES,
                      illumination: Illumination | None = None) -> tuple[PolarCover, float]:
     """Cover a map by the polar grid of an image that AFBP fuses.
@@ -249,7 +249,7 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     radar = radar if band is None else band.radar
     map_db = error_budget(target_db, shares)['polar to map'] - PASSES_DB
 
-    def cover_of(error_db, pulses=None):
+    def cover_of(error_db: float, pulses: Illumination | None = None) -> PolarCover | None:
         return cover_map(grid, *echoes, radar, n_samples, error_db, min(target_db - 10.0, -50.0),
                          band, fused=True, illumination=pulses)
 
@@ -268,8 +268,9 @@ def cover_for_fusion(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_sample
     return cover, remaining_db(target_db, cover.polar_to_map_db)
 
 
-def _weighed_cover(cover_of, error_db: float, tx_m, rx_m, radar, illumination
-                   ) -> PolarCover | None:
+def _weighed_cover(cover_of: Callable[[float, Illumination], PolarCover | None], error_db: float,
+                   tx_m: np.ndarray, rx_m: np.ndarray, radar: RadarParameters,
+                   illumination: Illumination) -> PolarCover | None:
     """Cover, and what reading amplitudes errs; ``cover_of(error_db, illumination)`` gives one."""
     planner = WeighedPolar(illumination, tx_m, rx_m, radar)
     found = planner.cover(lambda wanted: cover_of(wanted, illumination), error_db)
@@ -299,7 +300,7 @@ def map_density(polar: PolarGrid, cover: PolarCover) -> PixelDensity:
     return PixelDensity(spread / spread.mean(), along_range, cover.between, _tones(polar, cover))
 
 
-def _counts(place, n: int, weights=None) -> np.ndarray:
+def _counts(place: np.ndarray, n: int, weights: np.ndarray | None = None) -> np.ndarray:
     """(n,) how many of places, or their weights, lie in each of n equal parts from 0 to 1."""
     part = np.floor(place * n).astype(np.intp).ravel() + 1  # of parts beside them, too
     return np.bincount(np.clip(part, 0, n + 1, out=part), weights, n + 2)[1:-1]

@@ -15,12 +15,13 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.fft
 
-from ...geometry.half_paths import half_paths, sample_paths
+from ...geometry.half_paths import Paths, half_paths, sample_paths
 from ...geometry.illumination import NO_SPREAD, AmplitudeSpread, Illumination
 from ...geometry.polar import PolarGrid
 from ...geometry.track import mean_centres
@@ -65,6 +66,9 @@ from .illumination import (
     amplitude_nodes,
 )
 from .polar_grids import FusionSizes, UnifiedPolarGrids, map_density
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 SAMPLES_PER_SIDE = 5  # grid positions at which the geometry is bounded
 _SAMPLING_SLACK = 0.02  # of what is bounded
@@ -134,7 +138,7 @@ class Limits:
 
         Slopes of the half paths by range may exceed those planned for by `slope_slack`.
         """
-        def within(a, b, least=0.0):
+        def within(a: tuple[float, float], b: tuple[float, float], least: float = 0.0) -> bool:
             # The extremes of samples miss the true ones by less than this.
             slack = max(_SAMPLING_SLACK * (b[1] - b[0]), least)
             return b[0] - slack <= a[0] and a[1] <= b[1] + slack
@@ -145,9 +149,8 @@ class Limits:
                 and within((0.0, other.half_range), (0.0, self.half_range)))
 
 
-def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters,
-                   illumination: Illumination | None = None, wanted: float = 1.0
-                   ) -> LocalSpectrum:
+def local_spectrum(polar: PolarGrid, tx_m: np.ndarray, rx_m: np.ndarray, radar: RadarParameters,
+                   illumination: Illumination | None = None, wanted: float = 1.0) -> LocalSpectrum:
     """Local frequencies of backprojected images at samples of a polar grid and its guards.
 
     `illumination` tells the amplitudes of the P C echoes, `wanted` the share of the ranges whose
@@ -198,7 +201,7 @@ def local_spectrum(polar: PolarGrid, tx_m, rx_m, radar: RadarParameters,
                          illumination.spread(position, along_alpha))
 
 
-def _of_illuminated_points(slope, illuminated) -> np.ndarray:
+def _of_illuminated_points(slope: np.ndarray, illuminated: np.ndarray) -> np.ndarray:
     """Slopes (R, S) in which the mean of the points that an echo lights stands for the others."""
     count = illuminated.sum(axis=1, keepdims=True)
     mean = (slope * illuminated).sum(axis=1, keepdims=True) / np.maximum(count, 1)
@@ -233,7 +236,7 @@ _CHANCE = 1.2
 _ECHOES_EACH, _ECHOES_FOR_ERROR, _WAVENUMBERS = 48, 192, 6
 
 
-def pieces_between_gaps(middles) -> list[tuple[int, int]]:
+def pieces_between_gaps(middles: np.ndarray) -> list[tuple[int, int]]:
     """First pulse, and the one after the last, of what lies between gaps of a track.
 
     `middles` are the mean phase centres of the pulses, (P, 3) float64, metres. Gaps are long for a
@@ -246,12 +249,12 @@ def pieces_between_gaps(middles) -> list[tuple[int, int]]:
     return list(zip([0, *gaps], [*gaps, len(middles)], strict=True))
 
 
-def cut_pulses(pieces, length: int) -> list[slice]:
+def cut_pulses(pieces: Sequence[tuple[int, int]], length: int) -> list[slice]:
     """Sub-apertures of about equal length, `length` pulses at most, within the pieces of a track.
 
     `pieces` are those of `pieces_between_gaps`.
     """
-    cuts = []
+    cuts: list[slice] = []
     for start, stop in pieces:
         n = math.ceil((stop - start) / length)
         edges = [round(start + i * ((stop - start) / n)) for i in range(n)] + [stop]
@@ -338,8 +341,8 @@ class SamplingSearch:
         Ranges of a sub-aperture image to those of the fused one.
     """
 
-    def __init__(self, polar: PolarGrid, bands: LocalSpectrum, tx_m, rx_m, lengths,
-                 target_db: float, coverage: PixelDensity = EVERYTHING,
+    def __init__(self, polar: PolarGrid, bands: LocalSpectrum, tx_m: np.ndarray, rx_m: np.ndarray,
+                 lengths: Sequence[int], target_db: float, coverage: PixelDensity = EVERYTHING,
                  ratio: tuple[int, int] = (1, 1)):
         self._polar, self._bands, self._ratio = polar, bands, ratio
         self._target_db, self._coverage = target_db, coverage
@@ -378,13 +381,14 @@ class SamplingSearch:
         return None
 
 
-def _cuts(bands: LocalSpectrum, tx_m, rx_m, lengths) -> list[_Cut]:
+def _cuts(bands: LocalSpectrum, tx_m: np.ndarray, rx_m: np.ndarray, lengths: Sequence[int]
+          ) -> list[_Cut]:
     """Those with sub-apertures of some lengths, as far as the aperture holds them."""
     n_pulses, n_channels = tx_m.shape[:2]
     pieces = pieces_between_gaps(mean_centres(tx_m, rx_m))
     least, most = bands.slope.min(axis=1), bands.slope.max(axis=1)
     highest = bands.wavenumber[1] * bands.growth.max(axis=1)
-    cuts = []
+    cuts: list[_Cut] = []
     for length in lengths:
         if length > n_pulses and cuts:
             break
@@ -399,7 +403,8 @@ def _cuts(bands: LocalSpectrum, tx_m, rx_m, lengths) -> list[_Cut]:
     return cuts
 
 
-def _cost(cuts: list[_Cut], polar: PolarGrid, ratio, first_stage: SubapertureCost) -> np.ndarray:
+def _cost(cuts: list[_Cut], polar: PolarGrid, ratio: tuple[int, int], first_stage: SubapertureCost
+          ) -> np.ndarray:
     """About the nanoseconds of cuts with each oversampling and guard, (L, O, G)."""
     n, length, half, half_m, furthest_m = np.array([
         (len(c.pulses), c.pulses[0].stop - c.pulses[0].start, c.half, c.half_m, c.furthest_m)
@@ -416,7 +421,8 @@ def _cost(cuts: list[_Cut], polar: PolarGrid, ratio, first_stage: SubapertureCos
         'fine_pixel': n_coarse * spacing / polar.alpha_spacing * n_range})
 
 
-def _sizes(polar, ratio, furthest, half, oversampling, n_guard, flattest) -> FusionSizes | None:
+def _sizes(polar: PolarGrid, ratio: tuple[int, int], furthest: float, half: float,
+           oversampling: float, n_guard: float, flattest: float) -> FusionSizes | None:
     """Sizes of the grids of one choice; None where the taper's shape is below the `flattest`."""
     wanted = polar.n_alpha * polar.alpha_spacing
     spacing = min(math.pi / (half * oversampling), wanted)
@@ -468,7 +474,8 @@ def _echoes_for_error(s: _Cut, bands: LocalSpectrum, n_channels: int
     return some, np.stack(powers), middle[some]
 
 
-def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centre_m) -> float:
+def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes: np.ndarray | slice,
+                 weight: np.ndarray, centre_m: float | np.ndarray) -> float:
     """Mean squared error of fusing some echoes, relative to their power.
 
     It is 2 or more, as if nothing fitted, where a frequency lies beyond the coarse grid's. Of
@@ -483,12 +490,12 @@ def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centr
     wavenumber = low + (high - low) * (np.arange(_WAVENUMBERS) + 0.5) / _WAVENUMBERS
     per_radian, growth = s.extent / (2 * math.pi), bands.growth[echoes]
 
-    def even_at(places) -> np.ndarray:
+    def even_at(places: np.ndarray | slice) -> np.ndarray:
         """Frequencies at some places, from the bin that the band's middle is rounded to."""
         bins = wavenumber[:, None, None] * growth[:, places] * per_radian
         return bins * slope[:, places] - np.rint(bins * np.reshape(centre_m, (-1, 1)))
 
-    def frequencies(even) -> np.ndarray:
+    def frequencies(even: np.ndarray) -> np.ndarray:
         return spread_frequencies(even, bands.spread.rms * per_radian)
 
     even = functools.cache(lambda: even_at(slice(None)))
@@ -526,7 +533,7 @@ def fusion_error(sampling: Sampling, bands: LocalSpectrum, echoes, weight, centr
     return error * (1 + _CHANCE / math.sqrt(2 * sampling.n_even))
 
 
-def _to_guards(slope, centre_m, beyond: float) -> np.ndarray:
+def _to_guards(slope: np.ndarray, centre_m: float | np.ndarray, beyond: float) -> np.ndarray:
     """Slopes of which the outermost directions lie by a share of the scene beyond it.
 
     That is where tapers are steepest; only where slopes grow towards the band's end does it count.
@@ -577,13 +584,14 @@ class SubapertureCost:
     bent_m: float
     n_weighed: Callable[[Sequence[slice]], int | None] = lambda pulses: 0
 
-    def expects_beams(self, pulses, half_m: float) -> bool:
+    def expects_beams(self, pulses: Sequence[slice], half_m: float) -> bool:
         """Whether images from beams seem to be the quicker ones."""
         direct, from_beams = self.about(pulses[0].stop - pulses[0].start, half_m,
                                         self.grid.n_alpha * self.grid.n_range)
         return bool(from_beams < direct)
 
-    def about(self, length, half_m, n_pixels) -> tuple[np.ndarray, np.ndarray]:
+    def about(self, length: int | np.ndarray, half_m: float | np.ndarray,
+              n_pixels: float | np.ndarray) -> tuple[float | np.ndarray, np.ndarray]:
         """Nanoseconds of an image: directly, and about that from beams.
 
         `length` are its pulses, `half_m` half the range of slopes by direction, metres, and
@@ -596,7 +604,7 @@ class SubapertureCost:
         return (n_echoes * self.resampling.cost * n_pixels,
                 np.where(half_m >= self.bent_m, math.inf, from_beams))
 
-    def choose_beams(self, pulses) -> BeamSampling | None:
+    def choose_beams(self, pulses: Sequence[slice]) -> BeamSampling | None:
         """Beams for images on `grid`; None where adding each pulse directly is quicker."""
         beams = self._beams(pulses)
         if beams is None:
@@ -607,7 +615,7 @@ class SubapertureCost:
                                                           self.span))
         return beams if from_beams < n_echoes * self.resampling.cost * n_pixels else None
 
-    def _beams(self, pulses) -> BeamSampling | None:
+    def _beams(self, pulses: Sequence[slice]) -> BeamSampling | None:
         n_weighed = self.n_weighed(pulses)
         if n_weighed is None:
             return None
@@ -618,7 +626,7 @@ class SubapertureCost:
                            self.reach_m, self.padding_m)
         return beams and dataclasses.replace(beams, n_weighed=n_weighed)
 
-    def _for_beams(self, pulses) -> list[int]:
+    def _for_beams(self, pulses: Sequence[slice]) -> list[int]:
         """Numbers of some sub-apertures, evenly, and of the widest where none is about as wide."""
         some = np.unique(np.linspace(0, len(pulses) - 1, _CUTS_FOR_BEAMS).round().astype(int))
         middles, first = mean_centres(self.tx_m, self.rx_m), [p.start for p in pulses]
@@ -758,7 +766,7 @@ class SubaperturePlan(Plan):
             raise ValueError(f'number={number}; the plan has sub-apertures 0 to '
                              f'{self.n_subapertures - 1}')
 
-    def check(self, tx_m, rx_m, illumination: Illumination | None = None
+    def check(self, tx_m: np.ndarray, rx_m: np.ndarray, illumination: Illumination | None = None
               ) -> tuple[float, float, bool]:
         """Band of a sub-aperture from its phase centres, and how well it suits the plan.
 
@@ -788,7 +796,8 @@ class SubaperturePlan(Plan):
                             10 * math.log10(error + 1e-16))
         return centre, error_db, within
 
-    def _image_db(self, tx_m, rx_m, illumination) -> float:
+    def _image_db(self, tx_m: np.ndarray, rx_m: np.ndarray, illumination: Illumination | None
+                  ) -> float:
         """Error of a sub-aperture's image by its phase centres, dB; as planned from beams."""
         planned_db = self.errors_db['sub-aperture images']
         if self.beams is not None:
@@ -803,10 +812,11 @@ class SubaperturePlan(Plan):
         return found_db if math.isfinite(found_db) else planned_db  # the limits tell
 
 
-def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, *,
-                      target_db: float = -50.0, pulses_per_subaperture: int | None = None,
-                      cover: PolarCover | None = None, band: PhaseHistory | None = None,
-                      illumination: Illumination | None = None) -> SubaperturePlan:
+def plan_subapertures(polar: PolarGrid, radar: RadarParameters, n_samples: int, tx_m: ArrayLike,
+                      rx_m: ArrayLike, *, target_db: float = -50.0,
+                      pulses_per_subaperture: int | None = None, cover: PolarCover | None = None,
+                      band: PhaseHistory | None = None, illumination: Illumination | None = None
+                      ) -> SubaperturePlan:
     """Plan the sub-apertures of an aperture.
 
     Parameters
@@ -846,7 +856,8 @@ class _Planner:
     band: PhaseHistory | None
     illumination: Illumination | None
 
-    def plan(self, given, length, cover) -> SubaperturePlan:
+    def plan(self, given: RadarParameters, length: int | None, cover: PolarCover | None
+             ) -> SubaperturePlan:
         polar, radar, tx_m, rx_m = self.polar, self.radar, self.tx_m, self.rx_m
         ratio, oversampling = ((1, 1), ()) if cover is None else (cover.ratio, cover.oversampling)
         # neighbouring echoes in groups, since they are added together
@@ -910,7 +921,7 @@ class _Planner:
     def _profiles_db(self) -> float:
         return min(error_budget(self.target_db, AFBP_SHARES)['sub-aperture images'], -50.0)
 
-    def _ratio(self, bands, ratio) -> tuple[int, int]:
+    def _ratio(self, bands: LocalSpectrum, ratio: tuple[int, int]) -> tuple[int, int]:
         """Ranges of a sub-aperture image to those of the fused one."""
         polar = self.polar
         share = used_share(bands.half_range, polar.range_spacing_m, polar.n_range,
@@ -925,7 +936,8 @@ class _Planner:
                 'over this aperture; use exact backprojection')
         return ratio
 
-    def _cost(self, grid, resampling, range_m, weighing) -> SubapertureCost:
+    def _cost(self, grid: PolarGrid, resampling: RangeResampling, range_m: tuple[float, float],
+              weighing: AmplitudeError | None) -> SubapertureCost:
         padding_m = math.inf if self.band else _PADDING * self.radar.sample_spacing_m
         return SubapertureCost(
             grid, self.polar.n_alpha * self.polar.alpha_spacing, self.radar, resampling, self.tx_m,
@@ -933,7 +945,8 @@ class _Planner:
             least_bending_slope(grid, self.radar, self._profiles_db),
             *([] if weighing is None else [weighing.n_weighed]))
 
-    def _resampling(self, paths, spacing, n_samples, *more_db) -> RangeResampling:
+    def _resampling(self, paths: Paths, spacing: float, n_samples: int, *more_db: float
+                    ) -> RangeResampling:
         """Range grid with the usual error, or where there is none, with one of `more_db`."""
         for error_db in (self._profiles_db, *more_db):
             resampling = plan_resampling(paths, spacing, self.polar.n_range, self.radar, n_samples,
@@ -943,7 +956,7 @@ class _Planner:
         raise ValueError('the polar grid does not follow the range of this track (too near, or '
                          'around the antenna); use exact backprojection')
 
-    def _cut_warnings(self, length, guard_m: float):
+    def _cut_warnings(self, length: np.ndarray, guard_m: float) -> Iterator[str]:
         """Profiles that end within the guards, where the taper should find whole responses."""
         if self.band is None:
             start = self.radar.range_start_m
@@ -964,7 +977,7 @@ class _Planner:
                    'lies there appears in its place as well')
 
 
-def _bounds(polar: PolarGrid, tx_m, rx_m) -> tuple[float, float]:
+def _bounds(polar: PolarGrid, tx_m: np.ndarray, rx_m: np.ndarray) -> tuple[float, float]:
     """Smallest and largest half path to a grid along whose lines they grow, metres."""
     step = max(1, tx_m[..., 0].size // _ROWS_FOR_PATHS)
     length = half_paths(*(c.reshape(-1, 3)[::step] for c in (tx_m, rx_m)),

@@ -12,8 +12,8 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -52,6 +52,8 @@ if TYPE_CHECKING:
     from .illumination import LineAmplitudes
     from .polar_image import PolarPlan
 
+    _Route: TypeAlias = 'GroupPlan | PolarPlan | LinePlan | PointPlan'
+
 _SAMPLES_PER_SIDE = {2: 5, 3: 3}  # grid positions at which the geometry is bounded, by axes
 
 
@@ -81,7 +83,8 @@ class GridLines:
         Bounds of their derivative by the pixel number along a line, metres.
     """
 
-    def __init__(self, grid: EvenGrid, tx_m, rx_m, illumination: Illumination | None = None):
+    def __init__(self, grid: EvenGrid, tx_m: np.ndarray, rx_m: np.ndarray,
+                 illumination: Illumination | None = None):
         n_axes = len(grid.shape)
         n = _SAMPLES_PER_SIDE[n_axes]
         side = (np.array(grid.shape) - 1) / (n - 1)
@@ -124,7 +127,7 @@ class GridLines:
         self.layouts = np.array([[self.n_lines, first + i * floats[layer], floats[line], pixel, 1]
                                  for i in range(n_layers)])
 
-    def paths(self, tx_m, rx_m, radar: RadarParameters,
+    def paths(self, tx_m: np.ndarray, rx_m: np.ndarray, radar: RadarParameters,
               illumination: Illumination | None = None) -> Paths:
         """Half paths to some of the pixels, with derivatives by the pixel number."""
         points = self._points
@@ -133,9 +136,9 @@ class GridLines:
             weight=echo_powers(tx_m, rx_m, points.mean(axis=0), self._sides, radar))
         return found if illumination is None else illumination.of_paths(found, points)
 
-    def locate(self, layer: int):
+    def locate(self, layer: int) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]]:
         """Function that gives positions and derivatives of a layer for `line_middles`."""
-        def positions(pixel, line):
+        def positions(pixel: np.ndarray, line: np.ndarray) -> tuple[np.ndarray, ...]:
             # lines beside a layer of its own lie beside it
             number = np.clip(line // self._lines_per_layer, 0, self.layers_together - 1)
             line = line - number * self._lines_per_layer
@@ -265,9 +268,10 @@ class BackprojectionPlan(Plan):
 
 
 def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_samples: int,
-                        tx_m, rx_m, target_db: float, illumination: Illumination | None = None,
-                        *, groups: bool = False, before: BackprojectionPlan | None = None,
-                        band: PhaseHistory | None = None) -> BackprojectionPlan:
+                        tx_m: np.ndarray, rx_m: np.ndarray, target_db: float,
+                        illumination: Illumination | None = None, *, groups: bool = False,
+                        before: BackprojectionPlan | None = None, band: PhaseHistory | None = None
+                        ) -> BackprojectionPlan:
     """Plan the quickest route of adding echoes to an image.
 
     With `illumination`, that of the echoes, pixels that an echo does not light take no part in its
@@ -309,14 +313,16 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
                               illumination)
 
 
-def _check_reach(range_m, radar, n_samples, band) -> None:
+def _check_reach(range_m: tuple[float, float], radar: RadarParameters, n_samples: int,
+                 band: PhaseHistory | None) -> None:
     if band is None:
         check_reach(range_m, radar, n_samples)
     else:
         band.check_period(range_m)
 
 
-def _with_ends(route, grid, radar, tx_m, rx_m):
+def _with_ends(route: _Route, grid: EvenGrid | ImagePoints, radar: RadarParameters,
+               tx_m: np.ndarray, rx_m: np.ndarray) -> _Route:
     """A route with the error that ends of profiles make, told by thousands of pixels."""
     n = _PIXELS_NEAR_ENDS
     points_m = (grid.some(n) if isinstance(grid, ImagePoints)
@@ -326,8 +332,10 @@ def _with_ends(route, grid, radar, tx_m, rx_m):
     return dataclasses.replace(route, errors_db={**route.errors_db, 'ends of profiles': ends_db})
 
 
-def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, groups, before,
-                   band):
+def _route_to_grid(grid: EvenGrid, radar: RadarParameters, n_samples: int, tx_m: np.ndarray,
+                   rx_m: np.ndarray, target_db: float, illumination: Illumination | None,
+                   groups: bool, before: _Route | None, band: PhaseHistory | None
+                   ) -> tuple[tuple[float, float], _Route]:
     """Bounds of the half path, and the quickest route."""
     groups = groups and illumination is None and isinstance(grid, MapGrid)
     lines = GridLines(grid, tx_m, rx_m, illumination)
@@ -336,8 +344,9 @@ def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, 
     least = (0.0 if illumination is not None
              else least_cost(lines.slopes, radar) * len(tx_m))
     window = band or RangeGate.around(radar, n_samples, lines.range_m)
-    routes = [(least, lambda: _plan_lines(lines, radar, window, tx_m, rx_m, len(grid.shape),
-                                          target_db, illumination))]
+    routes: list[tuple[float, Callable[[], _Route | None]]] = [
+        (least, lambda: _plan_lines(lines, radar, window, tx_m, rx_m, len(grid.shape), target_db,
+                                    illumination))]
     if groups:
         routes.append((costs().grouped_pixel, lambda: plan_groups(
             grid, radar, n_samples, tx_m, rx_m, lines.range_m, target_db,
@@ -367,13 +376,15 @@ def _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db, illumination, 
     return lines.range_m, route
 
 
-def _plan_lines(lines, radar, window, tx_m, rx_m, n_axes, target_db, illumination
-                ) -> LinePlan | None:
+def _plan_lines(lines: GridLines, radar: RadarParameters, window: RangeGate | PhaseHistory,
+                tx_m: np.ndarray, rx_m: np.ndarray, n_axes: int, target_db: float,
+                illumination: Illumination | None) -> LinePlan | None:
     """Plan along lines; None where range does not follow them, or points are as quick."""
     paths = lines.paths(tx_m, rx_m, radar, illumination)
     resampling = plan_resampling(paths, 1.0, lines.n_pixels, radar, window.n_samples, target_db,
                                  periodic=window.periodic)
-    amplitudes, more = None, {}
+    amplitudes = None
+    more: dict[str, float] = {}
     if resampling is not None and illumination is not None:
         from .illumination import plan_line_amplitudes
 

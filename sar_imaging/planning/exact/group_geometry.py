@@ -55,7 +55,8 @@ class Frames(NamedTuple):
     axis: np.ndarray
 
 
-def frames_of(grid: MapGrid, centres_m, starts, counts) -> Frames:
+def frames_of(grid: MapGrid, centres_m: np.ndarray, starts: np.ndarray, counts: np.ndarray
+              ) -> Frames:
     """Frames of groups of `counts` phase centres, (E, 3), metres, from `starts` on."""
     origin = np.add.reduceat(centres_m, starts) / counts[:, None]
     flat = centres_m[:, :2] - np.repeat(origin[:, :2], counts, axis=0)
@@ -81,7 +82,7 @@ def frames_of(grid: MapGrid, centres_m, starts, counts) -> Frames:
     return Frames(origin, track, ahead, origin[:, 2] - grid.z_m, axis)
 
 
-def in_frames(frames: Frames, centres_m, counts) -> np.ndarray:
+def in_frames(frames: Frames, centres_m: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """(E, 3) float64 X, Y and c of phase centres (E, 3) of groups, metres and square metres."""
     origin, track, ahead, height = (np.repeat(a, counts, axis=0) for a in frames[:4])
     away = centres_m - origin
@@ -127,7 +128,7 @@ _EDGES = np.array([*((u, v) for v in (0, 1) for u in _ALONG), *(
     (u, v) for u in (0, 1) for v in _ALONG)])
 
 
-def _across(grid: MapGrid, square) -> np.ndarray:
+def _across(grid: MapGrid, square: np.ndarray) -> np.ndarray:
     """(N, 2) x and y of places of a unit square, (N, 2), on a map, from its first pixel on."""
     half = 0.5 * (np.array([grid.n_x, grid.n_y]) - 1) * grid.spacing_m * _TO_LAST
     middle = np.array(grid.centre_m[:2])
@@ -152,7 +153,8 @@ def _along(frames: Frames) -> tuple[np.ndarray, np.ndarray]:
     return frames.track[number, frames.axis], frames.track[number, 1 - frames.axis]
 
 
-def _polar(frames: Frames, xy):
+def _polar(frames: Frames, xy: np.ndarray
+           ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """r, alpha, f, ahead and beside, (G, N), of points (N, 2)."""
     away = xy - frames.origin_m[:, None, :2]
     x, y = away[..., 0], away[..., 1]
@@ -219,7 +221,8 @@ def range_derivatives(places: Places, centres: list[np.ndarray], order: int
     return [sum(of_path) / len(centres) for of_path in zip(*found, strict=True)]
 
 
-def slopes_beyond(range_m, alpha, centres: list[np.ndarray], frames: Frames, least) -> np.ndarray:
+def slopes_beyond(range_m: np.ndarray, alpha: np.ndarray, centres: list[np.ndarray],
+                  frames: Frames, least: np.ndarray) -> np.ndarray:
     """(G, M, N) derivatives by direction at places (G, N) beside the map, of echoes (G, M, 3).
 
     There f is continued; `least`, (G,), is the root where the continuation begins.
@@ -236,7 +239,7 @@ def slopes_beyond(range_m, alpha, centres: list[np.ndarray], frames: Frames, lea
     return found / len(centres)
 
 
-def continued_root(s, least) -> tuple[np.ndarray, np.ndarray]:
+def continued_root(s: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Root of s, below ``least ** 2`` its Taylor cubic from there, and the derivative by s."""
     q = least * least
     d = np.minimum((s - q) / q, 0.0)
@@ -268,7 +271,7 @@ class Extents(NamedTuple):
     reached: np.ndarray
 
 
-def extents_of(grid: MapGrid, frames: Frames, reach_m) -> Extents:
+def extents_of(grid: MapGrid, frames: Frames, reach_m: np.ndarray) -> Extents:
     """Extents of a map whose rows are read `reach_m`, (G,), nearer and further than its pixels."""
     edges = _across(grid, _EDGES)
     r, _, forward, ahead, beside = _polar(frames, edges)
@@ -289,7 +292,8 @@ def extents_of(grid: MapGrid, frames: Frames, reach_m) -> Extents:
                    (forward / r).min(axis=1), reached)
 
 
-def bent_rows(frames: Frames, places: Places, nearer_m) -> tuple[np.ndarray, np.ndarray]:
+def bent_rows(frames: Frames, places: Places, nearer_m: np.ndarray
+              ) -> tuple[np.ndarray, np.ndarray]:
     """Derivative of alpha by range where rows are read nearer, less that at the pixels, (G, S).
 
     And (G,) whether rows reach there; `nearer_m` is (G,).

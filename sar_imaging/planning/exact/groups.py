@@ -18,8 +18,8 @@ import dataclasses
 import functools
 import itertools
 import math
-from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -237,8 +237,9 @@ class GroupPlan(Plan):
 _PHASOR_COEFFICIENTS, _PHASOR_TAPS = 5, 4
 
 
-def _counts(grid: MapGrid, sizes, n_echoes, n_lines, n_parts, segment: int, n_planes: int,
-            taps: tuple[int, int], crossed) -> dict:
+def _counts(grid: MapGrid, sizes: np.ndarray | Mapping[str, np.ndarray], n_echoes: np.ndarray,
+            n_lines: np.ndarray, n_parts: int | np.ndarray, segment: int, n_planes: int,
+            taps: tuple[int, int], crossed: np.ndarray) -> dict[str, np.ndarray]:
     """(G, ...) operations of each group but for the profiles.
 
     `sizes` has ``n_alpha``, ``n_range`` and ``axis`` of the groups, `crossed` is as of
@@ -254,7 +255,7 @@ def _counts(grid: MapGrid, sizes, n_echoes, n_lines, n_parts, segment: int, n_pl
             'grouped_tap': taps[1] * rows * n_range * crossed, 'group': np.ones(n_range.shape)}
 
 
-def _crossed(places: Places, spacing, alpha_spacing) -> np.ndarray:
+def _crossed(places: Places, spacing: float | np.ndarray, alpha_spacing: np.ndarray) -> np.ndarray:
     """(G,) lines that the ranges of a vector start from, as rows of the map cross them."""
     return 1 + 0.5 * VECTOR * np.abs(places.by_range).mean(axis=1) * spacing / alpha_spacing
 
@@ -278,8 +279,8 @@ class Echoes:
         Wanted error, dB.
     """
 
-    def __init__(self, tx_m, rx_m, radar: RadarParameters, window: RangeGate | PhaseHistory,
-                 target_db: float):
+    def __init__(self, tx_m: np.ndarray, rx_m: np.ndarray, radar: RadarParameters,
+                 window: RangeGate | PhaseHistory, target_db: float):
         same = tx_m is rx_m or np.array_equal(tx_m, rx_m)
         self.paths = [tx_m] if same else [tx_m, rx_m]
         self.centres_m = tx_m if same else 0.5 * (tx_m + rx_m)
@@ -371,7 +372,8 @@ class Survey:
         Groups whose frame suits the map.
     """
 
-    def __init__(self, echoes: Echoes, grid: MapGrid, first, end, *, seek: bool = False):
+    def __init__(self, echoes: Echoes, grid: MapGrid, first: np.ndarray, end: np.ndarray, *,
+                 seek: bool = False):
         self.echoes, self.grid, self.n_echoes = echoes, grid, end - first
         if seek:
             number = first[:, None] + _evenly(end - first, _SEEK)
@@ -427,11 +429,11 @@ class Survey:
                 break
             self.pitch_m = np.minimum(self.pitch_m, 0.5 * (self.pitch_m + wanted))
 
-    def of_echoes(self, number) -> list[np.ndarray]:
+    def of_echoes(self, number: np.ndarray) -> list[np.ndarray]:
         """Phase centres (G, Q, 3) of echoes (G, Q) of the groups."""
         return [c[self.row, number] for c in self.centres]
 
-    def _fitting(self, half, *band) -> Interpolator:
+    def _fitting(self, half: np.ndarray, *band: Any) -> Interpolator:
         """Interpolator of a pass to the map whose bands, as of `error_db`, are (G,) `half`."""
         wanted_db = self.echoes.pass_db
         for found in sufficient_interpolators(wanted_db, taps=self.echoes.lengths.taps,
@@ -441,13 +443,13 @@ class Survey:
                 return found
         raise _Unsuited
 
-    def passes_db(self, alpha_spacing, spacing: float) -> tuple[float, float]:
+    def passes_db(self, alpha_spacing: np.ndarray, spacing: float) -> tuple[float, float]:
         """Errors between lines and along them as they lie in the end, dB."""
         return (self.error_db(self.between, alpha_spacing, *self._directions),
                 self.error_db(self.along, np.full(1, spacing), *self._ranges))
 
-    def error_db(self, interpolator: Interpolator, spacing, slopes, middle=0.0, bends=None
-                 ) -> float:
+    def error_db(self, interpolator: Interpolator, spacing: np.ndarray, slopes: np.ndarray,
+                 middle: float | np.ndarray = 0.0, bends: np.ndarray | None = None) -> float:
         """Mean error of reading samples of groups that suit, (G,) `spacing` apart, dB.
 
         `slopes` and `bends` are derivatives of half paths, (G, Q, S); the frequencies of samples
@@ -460,20 +462,20 @@ class Survey:
         weight = LOBATTO[len(error)][1]
         return 10 * math.log10(self.mean(np.tensordot(weight, error, 1)) + 1e-16)
 
-    def mean(self, values) -> float:
+    def mean(self, values: np.ndarray) -> float:
         """Mean of values (G, Q, S) of groups that suit."""
         by_echo = np.where(self.fine[:, None], values @ self._places_weight, 0.0).ravel()
         weight = (self._weight * self.fine[:, None]).reshape(len(self._weight), -1)
         return float((weight @ by_echo / weight.sum(axis=1)).max())
 
 
-def _off_carrier(slope, k, carrier) -> np.ndarray:
+def _off_carrier(slope: np.ndarray, k: np.ndarray, carrier: float) -> np.ndarray:
     """(G,) largest frequency of slopes (G, Q, S) by range, less that of the carrier."""
     return np.maximum(k[-1] * slope.max(axis=(1, 2)) - carrier,
                       carrier - k[0] * slope.min(axis=(1, 2)))
 
 
-def _evenly(counts, n: int) -> np.ndarray:
+def _evenly(counts: np.ndarray, n: int) -> np.ndarray:
     """(G, n or fewer) numbers below counts, (G,), the first and the last among them."""
     n = min(n, int(counts.min()))
     return ((counts[:, None] - 1) * np.arange(n) + (n - 1) // 2) // max(n - 1, 1)
@@ -504,7 +506,7 @@ class Grids:
         more than predicted.
     """
 
-    def __init__(self, survey: Survey, spacing):
+    def __init__(self, survey: Survey, spacing: np.ndarray):
         self._survey, self.spacing, taps = survey, spacing, survey.echoes.lengths.taps
         edge, top = margin(taps), survey.echoes.wavenumbers[-1]
         self.extents: Extents = extents_of(survey.grid, survey.frames, edge * spacing)
@@ -545,7 +547,7 @@ class Grids:
         longest = _CHANGE * self.least ** 2 / np.maximum(fall, 1e-12)
         return float(np.where(self.bent, longest, np.inf).min())
 
-    def beside(self, away) -> np.ndarray:
+    def beside(self, away: np.ndarray) -> np.ndarray:
         """(G, M, 2 N) slopes by direction so far, (G, N), beside the map on either side."""
         ends = (self.extents.alpha[:, :, None] + np.array([[-1.0], [1.0]]) * away[:, None])
         corner_m = np.broadcast_to(self.extents.corner_m[:, :, None], ends.shape)
@@ -554,7 +556,7 @@ class Grids:
                              self._survey.frames, self.least)
 
 
-def _whole(sizes, more: int, step: int) -> np.ndarray:
+def _whole(sizes: np.ndarray, more: int, step: int) -> np.ndarray:
     """(G,) int64 multiples of a step that hold sizes (G,) and more."""
     sizes = np.ceil(np.where(sizes < 1e9, sizes, 1e9)).astype(np.int64) + more  # of NaN, too
     return -(-sizes // step) * step
@@ -578,24 +580,24 @@ class Bands:
         Half of the widest.
     """
 
-    def __init__(self, survey: Survey, grids: Grids, starts):
+    def __init__(self, survey: Survey, grids: Grids, starts: np.ndarray):
         self._survey, self._grids, self._shape = survey, grids, starts.shape
         self._first = (starts + np.arange(len(starts))[:, None] * survey.slopes.shape[1]).ravel()
         self._low, self._high = self._of_parts(survey.slopes)
         low, high = self._frequencies(self._low, self._high)
         self.middle, self.half = 0.5 * (low + high), (0.5 * (high - low)).max(axis=1)
 
-    def _of_parts(self, slopes) -> list[np.ndarray]:
+    def _of_parts(self, slopes: np.ndarray) -> list[np.ndarray]:
         """(G, P) least and largest of slopes (G, M, N) of the echoes of parts."""
         return [bound.reduceat(bound.reduce(slopes, axis=2).ravel(), self._first
                                ).reshape(self._shape) for bound in (np.minimum, np.maximum)]
 
-    def _frequencies(self, low, high) -> tuple[np.ndarray, np.ndarray]:
+    def _frequencies(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Least and largest frequency over the band of slopes between two."""
         k = self._survey.echoes.wavenumbers
         return np.minimum(k[0] * low, k[-1] * low), np.maximum(k[0] * high, k[-1] * high)
 
-    def beyond(self, oversampling: float, wider=0.0) -> np.ndarray:
+    def beyond(self, oversampling: float, wider: float | np.ndarray = 0.0) -> np.ndarray:
         """(G,) half bands that hold what lines beside the map read, too.
 
         These lie the further off the coarser they are. Groups for which that does not end suit no
@@ -635,7 +637,7 @@ def _seek(echoes: Echoes, grid: MapGrid) -> Iterator[tuple[int, int]]:
         yield n_groups, n_parts
 
 
-def _costs_of(echoes: Echoes, grid: MapGrid, counts) -> list[tuple[float, int, int]]:
+def _costs_of(echoes: Echoes, grid: MapGrid, counts: np.ndarray) -> list[tuple[float, int, int]]:
     """Predicted nanoseconds, number of groups and of parts, of those counts that suit."""
     edges = [echoes.edges(count) for count in counts]
     first, end = (np.concatenate([e[cut] for e in edges])
@@ -663,12 +665,13 @@ def _costs_of(echoes: Echoes, grid: MapGrid, counts) -> list[tuple[float, int, i
         total, counts, n_parts[chosen], fine, strict=True) if ok]
 
 
-def _lines(extent, samples, taps: int):
+def _lines(extent: np.ndarray, samples: np.ndarray, taps: int) -> np.ndarray:
     """Lines of a part over an extent; `samples` are radians per unit of direction, resolved."""
     return np.ceil(extent * samples / np.pi) + taps + 3
 
 
-def _group_cost(survey: Survey, grids: Grids, n_lines, n_parts) -> np.ndarray:
+def _group_cost(survey: Survey, grids: Grids, n_lines: np.ndarray, n_parts: np.ndarray
+                ) -> np.ndarray:
     """(G, M) nanoseconds of groups by lines and numbers of parts, but for the profiles."""
     crossed = _crossed(survey.places, grids.spacing, grids.alpha_spacing)[:, None]
     lengths = survey.echoes.lengths
@@ -679,7 +682,7 @@ def _group_cost(survey: Survey, grids: Grids, n_lines, n_parts) -> np.ndarray:
         2 * (lengths.degree + 1), (lengths.part_taps, lengths.taps), crossed))
 
 
-def _profile_cost(echoes: Echoes, spacing) -> np.ndarray:
+def _profile_cost(echoes: Echoes, spacing: np.ndarray) -> np.ndarray:
     """Nanoseconds of the profiles, by the spacing of ranges."""
     n = echoes.window.n_samples
     cells = n * echoes.radar.sample_spacing_m / spacing * _USUAL_PHASES
@@ -687,10 +690,10 @@ def _profile_cost(echoes: Echoes, spacing) -> np.ndarray:
                                 'profile_cell': len(echoes) * cells})
 
 
-def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_m, range_m,
-                target_db: float, numbers: tuple[int, int] | None = None,
-                before: GroupPlan | None = None, band: PhaseHistory | None = None
-                ) -> GroupPlan | None:
+def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m: np.ndarray,
+                rx_m: np.ndarray, range_m: tuple[float, float], target_db: float,
+                numbers: tuple[int, int] | None = None, before: GroupPlan | None = None,
+                band: PhaseHistory | None = None) -> GroupPlan | None:
     """Plan the image of a map from groups of echoes.
 
     Parameters
@@ -718,7 +721,8 @@ def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_
              and len(before.maps[0].tx) == len(echoes))
     if again:
         numbers = len(before.maps[0].groups), before.maps[0].n_parts
-    maps, rest = [], []
+    maps: list[GroupedMap] = []
+    rest: list[tuple[tuple[int, int], MapGrid]] = []
     if numbers is not None:
         maps = [one for one in [_grouped(echoes, grid, (0, 0), [numbers])] if one]
     sought_ns = before.sought_ns if again else sum(one.cost for one in maps)
@@ -738,7 +742,7 @@ def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m, rx_
     return GroupPlan(tuple(maps), tuple(rest), points, window, _mean_errors(shares), sought_ns)
 
 
-def _mean_errors(shares) -> dict[str, float]:
+def _mean_errors(shares: Sequence[tuple[Mapping[str, float], float]]) -> dict[str, float]:
     """Errors of a map by cause from those of its parts and their shares, dB."""
     causes = {cause: None for errors, _ in shares for cause in errors}
     mean = {cause: sum(share * 10 ** (errors.get(cause, -math.inf) / 10)
@@ -752,21 +756,23 @@ def _point_cost(echoes: Echoes, grid: MapGrid) -> float:
     return costs().nanoseconds(echoes.points.operations(len(echoes), math.prod(grid.shape)))
 
 
-def _divided(echoes: Echoes, grid: MapGrid, corner):
+def _divided(echoes: Echoes, grid: MapGrid, corner: tuple[int, int]
+             ) -> tuple[list[GroupedMap], list[tuple[tuple[int, int], MapGrid]]]:
     """Parts of a map from groups, and the rest, each with its corner."""
     points = _point_cost(echoes, grid)
     whole = _grouped(echoes, grid, corner)
-    best = [[whole], []] if whole is not None and whole.cost < points else [[], [(corner, grid)]]
+    best = ([whole], []) if whole is not None and whole.cost < points else ([], [(corner, grid)])
     cost = whole.cost if best[0] else points
     if cost < _CHEAP * points or points < _WORTH_DIVIDING_NS or max(grid.shape) < 2 * _LEAST_SIDE:
         return best
     halves = [_divided(echoes, *half) for half in _halves(grid, corner)]
-    maps, rest = (sum(found, []) for found in zip(*halves, strict=True))
+    maps = [one for found, _ in halves for one in found]
+    rest = [part for _, found in halves for part in found]
     divided = sum(one.cost for one in maps) + sum(_point_cost(echoes, part) for _, part in rest)
     return (maps, rest) if divided < cost else best
 
 
-def _halves(grid: MapGrid, corner):
+def _halves(grid: MapGrid, corner: tuple[int, int]) -> Iterator[tuple[MapGrid, tuple[int, int]]]:
     """Halves of a map along its longer side, and their corners."""
     (row, column), (x, y) = corner, (grid.x_m, grid.y_m)
     if grid.n_x >= grid.n_y:
@@ -780,7 +786,8 @@ def _halves(grid: MapGrid, corner):
         yield MapGrid(centre, c1 - c0, r1 - r0, grid.spacing_m), (row + r0, column + c0)
 
 
-def _grouped(echoes: Echoes, grid: MapGrid, corner, numbers=None) -> GroupedMap | None:
+def _grouped(echoes: Echoes, grid: MapGrid, corner: tuple[int, int],
+             numbers: Sequence[tuple[int, int]] | None = None) -> GroupedMap | None:
     """The quickest grouping that suits, or the first of given ones; None where there is none."""
     if min(grid.shape) < echoes.lengths.taps:
         return None
@@ -793,7 +800,8 @@ def _grouped(echoes: Echoes, grid: MapGrid, corner, numbers=None) -> GroupedMap 
     return None
 
 
-def _planned(echoes: Echoes, grid: MapGrid, corner, n_groups: int, n_parts: int) -> GroupedMap:
+def _planned(echoes: Echoes, grid: MapGrid, corner: tuple[int, int], n_groups: int, n_parts: int
+             ) -> GroupedMap:
     """So many groups of so many parts; _Unsuited where they do not suit or miss the target."""
     edges = echoes.edges(n_groups)
     survey = Survey(echoes, grid, edges[:-1], edges[1:])
@@ -838,7 +846,8 @@ def _planned(echoes: Echoes, grid: MapGrid, corner, n_groups: int, n_parts: int)
                       survey.between, survey.along, parts, errors, operations)
 
 
-def _between_parts(survey: Survey, bands: Bands, part) -> tuple[Interpolator, np.ndarray, float]:
+def _between_parts(survey: Survey, bands: Bands, part: np.ndarray
+                   ) -> tuple[Interpolator, np.ndarray, float]:
     """Interpolator between the lines of parts, half bands that it is for, (G,), and its error.
 
     `part`, (G, Q), are those of the looked-at echoes.
@@ -857,8 +866,8 @@ def _between_parts(survey: Survey, bands: Bands, part) -> tuple[Interpolator, np
     raise _Unsuited
 
 
-def _expanded(survey: Survey, grids: Grids, resampling: RangeResampling, starts, part,
-              wanted: float) -> tuple[RangeResampling, float]:
+def _expanded(survey: Survey, grids: Grids, resampling: RangeResampling, starts: np.ndarray,
+              part: np.ndarray, wanted: float) -> tuple[RangeResampling, float]:
     """Resampling with segments so short that expansions err by less than wanted, and by how much.
 
     Mean squares of what the cubics along segments leave out, see `profiles`, at the ends of parts
@@ -890,7 +899,7 @@ def _expanded(survey: Survey, grids: Grids, resampling: RangeResampling, starts,
     raise _Unsuited
 
 
-def _left_out(a, b, c) -> np.ndarray:
+def _left_out(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     """Mean squares of what a phase's expansion leaves out in fourth and fifth order, (2,).
 
     The phase's first to third coefficients are (G, Q, S), of echoes at the places of a map; of
@@ -905,7 +914,8 @@ def _left_out(a, b, c) -> np.ndarray:
     return np.array([(error @ places).mean(axis=1).max() for error in (quartic, quintic)])
 
 
-def _records(survey: Survey, grids: Grids, edges, half, parts: Interpolator) -> np.ndarray:
+def _records(survey: Survey, grids: Grids, edges: np.ndarray, half: np.ndarray, parts: Interpolator
+             ) -> np.ndarray:
     """(G,) GROUP as kernels take them."""
     frames, found = survey.frames, np.zeros(len(survey.counts), GROUP)
     found['first'], found['end'] = edges[:-1], edges[1:]

@@ -21,7 +21,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,6 +49,10 @@ if TYPE_CHECKING:
     from .backprojection import GridLines
     from .polar_image import AzimuthParts
 
+    # of pixels and lines to positions and their derivatives; of lines and pixels to positions
+    _Locate = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
+    _Positions = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ImageLines:
@@ -67,8 +71,8 @@ class ImageLines:
         They lie side by side on a plane.
     """
 
-    locate: Callable
-    positions: Callable
+    locate: _Locate
+    positions: _Positions
     n_lines: int
     n_pixels: int
     flat: bool = True
@@ -156,7 +160,7 @@ class SegmentPhasors:
         self.squares = self._beside + pairs.amplitude ** 2 * np.abs(
             _polynomial(self._cubic, f) - self._exact) ** 2
 
-    def illuminated_squares(self, values) -> np.ndarray:
+    def illuminated_squares(self, values: np.ndarray) -> np.ndarray:
         """(n,) squared errors with amplitudes (n, 3) at the ends and in the middle of segments."""
         f, half, cubic = self._place, self._half, self._cubic
         w0 = values[:, 1]
@@ -169,14 +173,14 @@ class SegmentPhasors:
         return self._beside + np.abs(_polynomial(product, f) - self._true) ** 2
 
 
-def _economised(a, b, c, half: int) -> tuple[np.ndarray, ...]:
+def _economised(a: np.ndarray, b: np.ndarray, c: np.ndarray, half: int) -> tuple[np.ndarray, ...]:
     """Cubic of ``exp(j (a f + b f^2 + c f^3))`` over `half` pixels on either side."""
     quartic = a ** 4 / 24 - b ** 2 / 2 - a * c - 0.5j * a ** 2 * b
     return (1 - half ** 4 / 8 * quartic, 1j * a, half ** 2 * quartic - a ** 2 / 2 + 1j * b,
             -a * b + 1j * (c - a ** 3 / 6))
 
 
-def _polynomial(coefficients, f) -> np.ndarray:
+def _polynomial(coefficients: Sequence[np.ndarray], f: np.ndarray) -> np.ndarray:
     c0, c1, c2, c3 = coefficients
     return c0 + f * (c1 + f * (c2 + f * c3))
 
@@ -204,7 +208,7 @@ class LineAmplitudes:
     share: float
     predicted_error_db: float
 
-    def nodes(self, locate: Callable, n_lines: int, n_pixels: int, segment: int
+    def nodes(self, locate: _Locate, n_lines: int, n_pixels: int, segment: int
               ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """See `node_positions`."""
         return node_positions(locate, n_lines, n_pixels, segment, self.apart)
@@ -217,7 +221,7 @@ class LineAmplitudes:
                          + segments * ECHOES_PER_PASS)
 
 
-def node_positions(locate: Callable, n_lines: int, n_pixels: int, segment: int, apart: int
+def node_positions(locate: _Locate, n_lines: int, n_pixels: int, segment: int, apart: int
                    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Positions of the nodes over some lines, and how lines lie between them.
 
@@ -252,9 +256,9 @@ def node_positions(locate: Callable, n_lines: int, n_pixels: int, segment: int, 
             between.astype(np.float32))
 
 
-def plan_line_amplitudes(illumination: Illumination, lines: GridLines, tx_m, rx_m,
-                         radar: RadarParameters, window: RangeGate | PhaseHistory,
-                         resampling: RangeResampling,
+def plan_line_amplitudes(illumination: Illumination, lines: GridLines, tx_m: np.ndarray,
+                         rx_m: np.ndarray, radar: RadarParameters,
+                         window: RangeGate | PhaseHistory, resampling: RangeResampling,
                          target_db: float) -> tuple[
                              RangeResampling | None, LineAmplitudes | None, dict[str, float]]:
     """As `plan_weighed_segments`, for lines of a grid itself, and errors by cause, dB.
@@ -311,7 +315,8 @@ def plan_weighed_segments(illumination: Illumination, lines: ImageLines, echoes:
         resampling = dataclasses.replace(resampling, segment=resampling.segment // 2)
 
 
-def _fitted(resampling, phasors, pairs, radar) -> RangeResampling | None:
+def _fitted(resampling: RangeResampling, phasors: SegmentPhasors, pairs: EchoPixels,
+            radar: RadarParameters) -> RangeResampling | None:
     """Resampling with the error of the pairs; None where pixels drift too far for its segments."""
     furthest = float(phasors.drift.max())
     if furthest > MOST_DRIFT:
@@ -324,7 +329,8 @@ def _fitted(resampling, phasors, pairs, radar) -> RangeResampling | None:
         pairs.error_db(read + phasors.squares)))
 
 
-def _fewest_nodes(pairs, lines, phasors, segment: int, wanted_db: float) -> LineAmplitudes | None:
+def _fewest_nodes(pairs: EchoPixels, lines: ImageLines, phasors: SegmentPhasors, segment: int,
+                  wanted_db: float) -> LineAmplitudes | None:
     """Most lines between nodes that meet an error; None where nodes on every line do not.
 
     Errors, dB, grow with the distance of the nodes, so the closest are tried first.
@@ -413,9 +419,9 @@ def node_numbers(size: int, side: int) -> np.ndarray:
     return np.append(np.stack([first, first + (last - first) // 2], axis=1).ravel(), size - 1)
 
 
-def plan_point_amplitudes(illumination: Illumination, positions: Callable, shape: tuple[int, int],
-                          tiles, wanted_db: float
-                          ) -> tuple[tuple[int, int], PointAmplitudes, EchoPixels]:
+def plan_point_amplitudes(illumination: Illumination, positions: _Positions,
+                          shape: tuple[int, int], tiles: Sequence[tuple[int, int]],
+                          wanted_db: float) -> tuple[tuple[int, int], PointAmplitudes, EchoPixels]:
     """Choose the largest tile over which parabolas meet an error.
 
     Where none does, amplitudes are found at each point, in the first tile. Returned are also the
@@ -435,19 +441,19 @@ def plan_point_amplitudes(illumination: Illumination, positions: Callable, shape
     return tiles[0], PointAmplitudes(True, pairs.share, dearer, rounded_db), pairs
 
 
-def draw_points(illumination: Illumination, positions: Callable, shape: tuple[int, int],
+def draw_points(illumination: Illumination, positions: _Positions, shape: tuple[int, int],
                 tile: tuple[int, int]) -> EchoPixels:
     """Pairs of an echo and a point in tiles that may be lit; positions as of
     `plan_point_amplitudes`.
     """
-    def clipped(*index):
+    def clipped(*index: np.ndarray) -> np.ndarray:
         return positions(*(np.clip(i, 0, size - 1).astype(np.int64)
                            for i, size in zip(index, shape, strict=True)))
 
     return EchoPixels.draw(illumination, clipped, shape, tile, flat=False)
 
 
-def tile_error_db(pairs: EchoPixels, positions: Callable, shape: tuple[int, int],
+def tile_error_db(pairs: EchoPixels, positions: _Positions, shape: tuple[int, int],
                   tile: tuple[int, int]) -> tuple[float, float]:
     """Error of interpolated amplitudes, dB, and the share of dark corners of lit tiles."""
     weights, nodes = [], []
@@ -479,7 +485,7 @@ def _rounded_db(pairs: EchoPixels) -> float:
     return pairs.error_db(squares)
 
 
-def _lagrange(at, nodes) -> list[np.ndarray]:
+def _lagrange(at: np.ndarray, nodes: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Weights of values at one node or three, as the compiled loops have them."""
     if len(nodes) == 1:
         return [np.ones(len(at))]
@@ -513,11 +519,13 @@ class WeighedPolar:
         Radar parameters of their profiles.
     """
 
-    def __init__(self, illumination: Illumination, tx_m, rx_m, radar: RadarParameters):
+    def __init__(self, illumination: Illumination, tx_m: np.ndarray, rx_m: np.ndarray,
+                 radar: RadarParameters):
         self._illumination, self._radar = illumination, radar
         self._tx_m, self._rx_m, self._read = tx_m, rx_m, None
 
-    def cover(self, cover_of: Callable, wanted_db: float) -> PolarCover | None:
+    def cover(self, cover_of: Callable[[float], PolarCover | None], wanted_db: float
+              ) -> PolarCover | None:
         """Polar grid that is read well, or nearly, with the errors of reading it.
 
         ``cover_of(error_db)`` gives one as if amplitudes were even, or None; each pass of the
@@ -541,7 +549,8 @@ class WeighedPolar:
             cover = cover_of(asked_db)
         return found
 
-    def parts(self, parts_of: Callable, wanted_db: float) -> AzimuthParts | None:
+    def parts(self, parts_of: Callable[[float], AzimuthParts | None], wanted_db: float
+              ) -> AzimuthParts | None:
         """Parts with lines enough for the amplitudes.
 
         ``parts_of(error_db)`` gives them as if amplitudes were even, or None.
@@ -581,7 +590,8 @@ class _PolarReading:
         Illumination of the echoes.
     """
 
-    def __init__(self, cover: PolarCover, tx_m, rx_m, illumination: Illumination):
+    def __init__(self, cover: PolarCover, tx_m: np.ndarray, rx_m: np.ndarray,
+                 illumination: Illumination):
         grid, polar = cover.grid, cover.polar
         reach_m = max(cover.along.n_taps * polar.range_spacing_m,
                       cover.between.n_taps * polar.alpha_spacing * polar.range_m[-1]) / 2
@@ -597,7 +607,8 @@ class _PolarReading:
         self._wavenumber = low + (high - low) * pairs.place
         self._range, self._alpha = polar.from_map(*pairs.points_m[:, :2].T)
 
-    def between_db(self, polar: PolarGrid, interpolator: Interpolator, frequency) -> float:
+    def between_db(self, polar: PolarGrid, interpolator: Interpolator, frequency: np.ndarray
+                   ) -> float:
         """Error of the interpolation between lines, dB.
 
         Images are taken to baseband along direction, by `frequency` of each echo, (R,) float64,
@@ -620,7 +631,7 @@ class _PolarReading:
         turn = cover.window.radar.wavenumber_rad_per_m * (r - self._range[:, None])
         return self._error_db(weights, points, turn)
 
-    def _error_db(self, weights, points, turn) -> float:
+    def _error_db(self, weights: np.ndarray, points: np.ndarray, turn: np.ndarray) -> float:
         """Error of weighted sums over taps (n, T) whose carriers have turned so far, dB."""
         phase = self._wavenumber[:, None] * (
             pair_lengths(*self._centres, points) - self._length_m[:, None]) - turn
@@ -628,7 +639,7 @@ class _PolarReading:
         return self.pairs.error_db(np.abs(read - self.pairs.amplitude) ** 2, self._weight)
 
 
-def _taps(interpolator: Interpolator, at, start: float, spacing: float
+def _taps(interpolator: Interpolator, at: np.ndarray, start: float, spacing: float
           ) -> tuple[np.ndarray, np.ndarray]:
     """Weights (n, T) with which places (n,) are read, and the places of the samples.
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -57,7 +57,8 @@ class ImagePoints:
         Rows and columns: the last axis of the image, and all others.
     """
 
-    def __init__(self, xs, ys, zs, strides, shape: tuple[int, ...]):
+    def __init__(self, xs: np.ndarray, ys: np.ndarray, zs: np.ndarray,
+                 strides: Sequence[tuple[int, int]], shape: tuple[int, ...]):
         self.shape = shape
         self.size = (math.prod(shape[:-1]), shape[-1]) if shape else (1, 1)
         self.coordinates, self.strides = (xs, ys, zs), np.array(strides)
@@ -101,7 +102,7 @@ class ImagePoints:
         """True when no pixel has a position."""
         return not math.isfinite(self._radius)
 
-    def positions(self, row, column) -> np.ndarray:
+    def positions(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
         """(..., 3) float64 positions of some pixels, by broadcast numbers, metres."""
         return np.stack([values[row * stride[0] + column * stride[1]] for values, stride in
                          zip(self.coordinates, self.strides, strict=True)], axis=-1)
@@ -115,7 +116,7 @@ class ImagePoints:
         points = self.positions(*draw(self.size, n))
         return points[np.isfinite(points).all(axis=1)]
 
-    def bounds(self, tx_m, rx_m) -> tuple[float, float]:
+    def bounds(self, tx_m: np.ndarray, rx_m: np.ndarray) -> tuple[float, float]:
         """Bounds of the half path from phase centres (R, 3), metres."""
         path = 0.5 * sum(np.linalg.norm(self._centre - c, axis=-1) for c in (tx_m, rx_m))
         return float(path.min()) - self._radius, float(path.max()) + self._radius
@@ -145,7 +146,7 @@ class ImagePoints:
         return math.sqrt(np.median(known)) if known.size else 0.0
 
 
-def draw(shape, n: int) -> list[np.ndarray]:
+def draw(shape: Sequence[int], n: int) -> list[np.ndarray]:
     """Numbers of n pixels all over an image along each of its axes, (n,) int64 each."""
     rng = np.random.default_rng(0)
     return [rng.integers(0, size, n) for size in shape]
@@ -215,7 +216,8 @@ def point_operations(grid: EvenGrid, window: RangeGate | PhaseHistory, n_echoes:
     return {'image': 1} | resampling.operations(n_echoes, math.prod(grid.shape))
 
 
-def plan_even_points(grid: EvenGrid, *planned, **known) -> PointPlan:
+def plan_even_points(grid: MapGrid | PlaneGrid | VolumeGrid, *planned: Any, **known: Any
+                     ) -> PointPlan:
     """Plan the image of a map, plane or volume point by point; others as of `plan_points`."""
     if isinstance(grid, MapGrid):
         return plan_points(ImagePoints.of_grid(grid), *planned, **known)
@@ -228,9 +230,10 @@ def plan_even_points(grid: EvenGrid, *planned, **known) -> PointPlan:
                                   else grid).positions, shape=grid.shape[-2:])
 
 
-def plan_points(points: ImagePoints, window: RangeGate | PhaseHistory, tx_m, rx_m,
-                range_m: tuple[float, float], target_db: float, some_m=None,
-                illumination: Illumination | None = None, positions=None,
+def plan_points(points: ImagePoints, window: RangeGate | PhaseHistory, tx_m: np.ndarray,
+                rx_m: np.ndarray, range_m: tuple[float, float], target_db: float,
+                some_m: np.ndarray | None = None, illumination: Illumination | None = None,
+                positions: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
                 shape: tuple[int, int] | None = None) -> PointPlan:
     """Plan the image of some points.
 

@@ -213,8 +213,8 @@ class PolarPlan(Plan):
                 'to the map')
 
 
-def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int,
-               target_db: float, illumination: Illumination | None = None,
+def plan_polar(grid: MapGrid, tx_m: np.ndarray, rx_m: np.ndarray, radar: RadarParameters,
+               n_samples: int, target_db: float, illumination: Illumination | None = None,
                band: PhaseHistory | None = None) -> PolarPlan | None:
     """Plan the polar image of echoes of phase centres; arguments as of `plan_backprojection`.
 
@@ -265,15 +265,17 @@ def plan_polar(grid: MapGrid, tx_m, rx_m, radar: RadarParameters, n_samples: int
                      amplitudes)
 
 
-def _sampled_paths(polar: PolarGrid, tx_m, rx_m, illumination: Illumination | None) -> Paths:
+def _sampled_paths(polar: PolarGrid, tx_m: np.ndarray, rx_m: np.ndarray,
+                   illumination: Illumination | None) -> Paths:
     """Half paths to samples of a grid, and which echoes light these."""
     lines = polar.lines(*polar.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE))
     paths = sample_paths(tx_m, rx_m, lines)
     return paths if illumination is None else illumination.of_paths(paths, lines[0])
 
 
-def _resampling_of_parts(parts: AzimuthParts, cover: PolarCover, tx_m, rx_m, target_db: float,
-                         illumination: Illumination | None) -> RangeResampling | None:
+def _resampling_of_parts(parts: AzimuthParts, cover: PolarCover, tx_m: np.ndarray,
+                         rx_m: np.ndarray, target_db: float, illumination: Illumination | None
+                         ) -> RangeResampling | None:
     """Range grid that is as good where echoes are added part by part, to lines far beyond the map.
 
     That of the map where it will do, None where none does.
