@@ -402,6 +402,39 @@ def test_functions_take_few_arguments():
     assert {name for name, n in many.items() if n >= 12} == {'plan_image'}
 
 
+# What Numba compiles; `function` and `kernel` are those of devices.
+COMPILED = {'njit', 'kernel_part', 'cfunc', 'intrinsic', 'instructions', 'function', 'kernel'}
+
+
+def _without_types(tree, within=''):
+    """Names of functions that leave a type out, but for what is compiled and what writes code."""
+    for node in ast.iter_child_nodes(tree):
+        if not isinstance(node, ast.FunctionDef):
+            yield from _without_types(node, f'{within}{node.name}.' if isinstance(
+                node, ast.ClassDef) else within)
+            continue
+        name = within + node.name
+        given = [*node.args.posonlyargs, *node.args.args]
+        decorators = {re.match(r'[\w.]*', ast.unparse(d))[0] for d in node.decorator_list}
+        if decorators & COMPILED or given and given[0].arg == 'b':
+            continue
+        given += [*node.args.kwonlyargs, node.args.vararg, node.args.kwarg]
+        given = [a for a in given if a is not None and a.arg not in ('self', 'cls')]
+        made = node.name == '__init__' and given  # where mypy takes None for granted
+        if any(a.annotation is None for a in given) or not (node.returns or made):
+            yield name
+        yield from _without_types(node, f'{name}.')
+
+
+def test_functions_beside_compiled_loops_state_their_types():
+    """In modules with compiled loops mypy lets functions pass that state no types."""
+    assert [*_without_types(ast.parse('class A:\n def f(self, x: int): ...'))] == ['A.f']
+    found = [f'{_name(path)}: {name}' for path in MODULES
+             if path.name != 'compilation.py' and path.parent.name != 'launch'
+             for name in _without_types(ast.parse(path.read_text()))]
+    assert not found, found
+
+
 def test_the_conda_recipe_is_of_this_version():
     recipe = yaml.safe_load((ROOT / 'conda' / 'recipe.yaml').read_text())
     assert recipe['context']['version'] == sar_imaging.__version__

@@ -9,8 +9,13 @@ by mistake, or mix arrays of both, is an error here as it is there.
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import DTypeLike
 
 
 class SimulatedArray(np.lib.mixins.NDArrayOperatorsMixin):
@@ -31,7 +36,7 @@ class SimulatedArray(np.lib.mixins.NDArrayOperatorsMixin):
         """Copy in the memory of the host."""
         return self.values.copy()
 
-    def item(self):
+    def item(self) -> Any:
         """The only element as a number of Python."""
         return self.values.item()
 
@@ -44,13 +49,13 @@ class SimulatedArray(np.lib.mixins.NDArrayOperatorsMixin):
     def __bool__(self) -> bool:
         return bool(self.values)
 
-    def __getitem__(self, index):
+    def __getitem__(self, index: Any) -> Any:
         return _given(self.values[_taken(index)])
 
-    def __setitem__(self, index, value):
+    def __setitem__(self, index: Any, value: Any) -> None:
         self.values[_taken(index)] = _taken(value)
 
-    def __getattr__(self, name: str):
+    def __getattr__(self, name: str) -> Any:
         if name.startswith('__') or name == 'values':  # copies and pickles look for such
             raise AttributeError(name)
         found = getattr(self.values, name)
@@ -59,23 +64,24 @@ class SimulatedArray(np.lib.mixins.NDArrayOperatorsMixin):
         return functools.wraps(found)(lambda *arguments, **options: _given(
             found(*_taken(arguments), **options)))
 
-    def __array__(self, dtype=None, copy=None):
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NoReturn:
         raise TypeError('Implicit conversion to a NumPy array is not allowed. Please use `.get()` '
                         'to construct a NumPy array explicitly.')
 
-    def __array_ufunc__(self, ufunc, method, *inputs, **options):
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         with np.errstate(all='ignore'):  # a device does not warn
             return _given(getattr(ufunc, method)(*_taken(inputs), **_taken(options)))
 
-    def __array_function__(self, function, types, arguments, options):
+    def __array_function__(self, function: Callable[..., Any], types: Iterable[type],
+                           arguments: tuple[Any, ...], options: dict[str, Any]) -> Any:
         made = function.__name__ in ('asarray', 'zeros', 'empty')  # from arrays of the host
-        take = (lambda value: value) if made else _taken
+        take: Callable[[Any], Any] = (lambda value: value) if made else _taken
         options = {name: value for name, value in options.items() if name != 'like'}
         with np.errstate(all='ignore'):
             return _given(function(*take(arguments), **take(options)))
 
 
-def _given(found):
+def _given(found: Any) -> Any:
     """What a function found, on the device."""
     if isinstance(found, np.ndarray | np.generic):
         return SimulatedArray(np.asarray(found))
@@ -83,7 +89,7 @@ def _given(found):
         isinstance(found[0], np.ndarray)) else found
 
 
-def _taken(given):
+def _taken(given: Any) -> Any:
     """What a function is given, as the simulator has it; arrays of the host are refused."""
     if isinstance(given, SimulatedArray):
         return given.values

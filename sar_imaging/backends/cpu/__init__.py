@@ -7,6 +7,7 @@ that exact backprojection does not load the beams and transforms of AFBP.
 """
 
 import importlib
+from typing import Any
 
 ILLUMINATION = True  # of plans is followed
 GROUPS = True  # of echoes are imaged one by one
@@ -20,7 +21,7 @@ _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'beams',
             'measured_costs': 'costs'}
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     return getattr(importlib.import_module(f'.{_MODULES[name]}', __name__), name)

@@ -5,9 +5,13 @@
 from __future__ import annotations
 
 import importlib
+from typing import TYPE_CHECKING
 
 from ...planning.exact.backprojection import BackprojectionPlan
 from .memory import WorkSpace
+
+if TYPE_CHECKING:
+    import numpy as np
 
 # Module and class of each route, imported when a plan takes it first.
 _ROUTES = {'groups': ('groups', 'GroupImages'), 'polar': ('polar_image', 'PolarImage'),
@@ -26,6 +30,7 @@ class Backprojection:
         route = getattr(importlib.import_module(f'.{module}', __package__), name)
         self._route = route(plan, self.memory)
 
-    def add(self, samples, tx_m, rx_m, image) -> None:
+    def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray
+            ) -> None:
         """Add echoes to an image, see `backends.protocol.Backprojection`."""
         self._route.add(samples, tx_m, rx_m, image)

@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -67,6 +67,11 @@ from .lines import PolarLines, segment_middles
 from .memory import WorkSpace, aligned_empty
 from .phasors import cos_cycles, fraction, sin_cycles
 from .profiles import Profiles, spectra
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ...planning.interpolators import Interpolator
 
 LANES = STEP_BINS  # float32 that lie together
 ECHOES = 4  # phasors multiplied at once
@@ -205,14 +210,14 @@ def _weights(b, data, weights, tap):
     return [_load_spread(b, data, b.add(weights, INT(n * STORED + tap))) for n in range(3)]
 
 
-def _plus(total, product):
+def _plus(total: Vector | None, product: Vector) -> Vector:
     return product if total is None else total + product
 
 
 class CompiledBeamGeometry(BeamGeometry):
     """`BeamGeometry` whose paths are found several times as fast: each sub-aperture needs them."""
 
-    def extra_path(self, tx_m, rx_m, direction) -> np.ndarray:
+    def extra_path(self, tx_m: np.ndarray, rx_m: np.ndarray, direction: ArrayLike) -> np.ndarray:
         """(S, R) by how much half paths are longer than the distance from the centre, metres."""
         centres = np.concatenate([tx_m, rx_m]).reshape(2, -1, 3) - self.centre_m
         plane = np.array([*self.polar.track, *self.polar.across,
@@ -285,7 +290,7 @@ class EchoPhasors(NamedTuple):
     beside_step: np.ndarray
 
 
-def echo_phasors(path_m, group: int, paired: bool, cycles) -> EchoPhasors:
+def echo_phasors(path_m: np.ndarray, group: int, paired: bool, cycles: np.ndarray) -> EchoPhasors:
     """Phasors of echoes; arguments as of `form_beams`, and `cycles` of `SpectrumBins`."""
     upper, lower, before, after = _pairs_of_beams(len(path_m), group)
     n_groups, half = upper.shape
@@ -301,7 +306,7 @@ def echo_phasors(path_m, group: int, paired: bool, cycles) -> EchoPhasors:
         alone = echoes[1] < 0  # the middle of an odd number
         beside[:, :, alone] = first[:, :, alone]
 
-    def by_block(values):
+    def by_block(values: np.ndarray) -> np.ndarray:
         """Both echoes of each phasor of a block, then those of the next block."""
         return values.reshape(-1, 1 + paired, echoes.shape[1] // ECHOES, ECHOES
                               ).swapaxes(1, 2).reshape(len(values), -1)
@@ -315,7 +320,8 @@ def echo_phasors(path_m, group: int, paired: bool, cycles) -> EchoPhasors:
 
 
 @functools.lru_cache(maxsize=16)
-def _pairs_of_beams(n_beams: int, group: int):
+def _pairs_of_beams(n_beams: int, group: int
+                    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Beams of each group's pairs, (G, H) each, and those before and after groups, (G,) each."""
     n_groups, half = -(-n_beams // group), -(-group // 2)
     first = np.arange(n_groups)[:, None] * group
@@ -325,7 +331,7 @@ def _pairs_of_beams(n_beams: int, group: int):
             np.minimum(last[:, 0] + 1, n_beams - 1))
 
 
-def _echoes_by_phasor(path_m, paired: bool) -> np.ndarray:
+def _echoes_by_phasor(path_m: np.ndarray, paired: bool) -> np.ndarray:
     """(1, Q) echoes, or (2, Q) whose paths grow most unlike from the first beam to the last.
 
     -1 stands for none: in the last block of `ECHOES`, and opposite the middle of an odd number.
@@ -340,7 +346,7 @@ def _echoes_by_phasor(path_m, paired: bool) -> np.ndarray:
     return echoes
 
 
-def _step_phasors(cycles) -> np.ndarray:
+def _step_phasors(cycles: np.ndarray) -> np.ndarray:
     """Phasors over a vector of bins, real parts first, flat."""
     cycles = LANES * cycles.reshape(-1)
     angle = (2 * np.pi * (cycles - np.rint(cycles))).astype(np.float32)
@@ -481,7 +487,8 @@ class SpectrumBins(NamedTuple):
     n_cells: int
 
     @classmethod
-    def of(cls, common, cycles, zero: int, n_cells: int, longest: int) -> SpectrumBins:
+    def of(cls, common: np.ndarray, cycles: np.ndarray, zero: int, n_cells: int, longest: int
+           ) -> SpectrumBins:
         """Runs of at most so many of the bins that cells hold; `zero` is the carrier's."""
         n_bins = len(common)
         kept = min(n_bins, n_cells)
@@ -494,8 +501,9 @@ class SpectrumBins(NamedTuple):
         return cls(np.array(runs), common.astype(np.complex64).view(np.float32), cycles, n_cells)
 
 
-def form_beams(spectra, path_m, bins: SpectrumBins, between: BeamGain, weights, group: int,
-               paired: bool, beams, buffer) -> None:
+def form_beams(spectra: np.ndarray, path_m: np.ndarray, bins: SpectrumBins, between: BeamGain,
+               weights: np.ndarray | None, group: int, paired: bool, beams: np.ndarray,
+               buffer: WorkSpace) -> None:
     """Sum of the echoes' spectra with the delays of each direction.
 
     That of `backends.reference.form_beams`, with a factor a of each bin and w of each echo. The
@@ -949,8 +957,9 @@ class BeamformedSubaperture:
         self._edges = grid_edges(polar)
         self._amplitudes = plan.amplitudes and AmplitudeParabolas(polar, sampling.segment)
 
-    def fill(self, samples, tx_m, rx_m, image, weights=None,
-             nodes: tuple[AmplitudeNodes, ...] | None = None) -> None:
+    def fill(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray,
+             weights: np.ndarray | None = None, nodes: tuple[AmplitudeNodes, ...] | None = None
+             ) -> None:
         """Image of some echoes at range baseband; the arguments are those of `PolarLines.fill`.
 
         But for `nodes`, of each image that makes this one, in place of an illumination.
@@ -969,7 +978,8 @@ class BeamformedSubaperture:
             if part:
                 image += to
 
-    def _fill(self, samples, tx_m, rx_m, image, weights, nodes: AmplitudeNodes | None) -> None:
+    def _fill(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray,
+              weights: np.ndarray | None, nodes: AmplitudeNodes | None) -> None:
         geometry = CompiledBeamGeometry.of(self._polar, self._edges, tx_m, rx_m)
         if geometry is None:
             raise ValueError(f'the imaging plane, {self._polar.z_m:g} m high, is too steep below '
@@ -983,7 +993,8 @@ class BeamformedSubaperture:
                                                 2 * math.pi * self._per_metre * spacing)
         self._read(beams, geometry, start, spacing, image, parabolas)
 
-    def _beams(self, samples, path, paired, weights) -> np.ndarray:
+    def _beams(self, samples: np.ndarray, path: np.ndarray, paired: bool,
+               weights: np.ndarray | None) -> np.ndarray:
         """(M, n_cells) complex64 beams at range baseband, valid until the next call."""
         n_beams, n_cells = len(path), self._resampling.n_cells
         group = self._sampling.group_of(n_beams)
@@ -997,7 +1008,8 @@ class BeamformedSubaperture:
         beams[:, self._known[1]:] = 0.0
         return beams
 
-    def _read(self, beams, geometry, start, spacing, image, parabolas) -> None:
+    def _read(self, beams: np.ndarray, geometry: BeamGeometry, start: float, spacing: float,
+              image: np.ndarray, parabolas: np.ndarray | None) -> None:
         polar, sampling, source = self._polar, self._sampling, self._source
         segment = sampling.segment
         cycles_per_m = self._per_metre
@@ -1022,7 +1034,7 @@ def _uncrowded(n_cells: int) -> int:
     return n_cells + (_STRIDE - n_cells) % _PAGE
 
 
-def _table(interpolator) -> np.ndarray:
+def _table(interpolator: Interpolator) -> np.ndarray:
     weights = np.zeros((DEGREE + 1, STORED), np.float32)
     weights[:, :interpolator.weights.shape[1]] = interpolator.weights
     return weights
@@ -1037,7 +1049,8 @@ class SubapertureImager:
             plan.coarse, Profiles(plan.source, plan.resampling, plan.range_m),
             plan.amplitudes and plan.amplitudes.lines)
 
-    def image(self, number: int, block: PulseBlock, weights=None, out=None) -> np.ndarray:
+    def image(self, number: int, block: PulseBlock, weights: np.ndarray | None = None,
+              out: np.ndarray | None = None) -> np.ndarray:
         """Backproject one sub-aperture, see `backends.protocol.SubapertureImager`."""
         plan = self.plan
         plan.check_block(number, block)

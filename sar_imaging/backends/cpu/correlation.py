@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,11 +13,16 @@ from ...compilation import kernel_part, njit, numba
 from .illumination import Antennas, two_way_amplitude
 from .memory import plain
 
+if TYPE_CHECKING:
+    from ...geometry.illumination import Illumination
+    from ...signal.radar import RadarParameters
+
 _LANES = 16  # points advanced together: enough independent sums to hide the latency of one
 
 
-def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m, illumination=None
-                      ) -> np.ndarray:
+def correlate_spectra(cycles_per_m: tuple[float, float], spectra: np.ndarray, tx_m: np.ndarray,
+                      rx_m: np.ndarray, points_m: np.ndarray,
+                      illumination: Illumination | None = None) -> np.ndarray:
     """See `backends.protocol.Correlation`."""
     out = np.empty(len(points_m), np.complex128)
     _correlate(*cycles_per_m, np.ascontiguousarray(spectra.real),
@@ -25,8 +31,9 @@ def correlate_spectra(cycles_per_m, spectra, tx_m, rx_m, points_m, illumination=
     return out
 
 
-def correlate_profiles(radar, samples, tx_m, rx_m, points_m, half: int, sharpness: float,
-                       illumination=None) -> tuple[np.ndarray, np.ndarray]:
+def correlate_profiles(radar: RadarParameters, samples: np.ndarray, tx_m: np.ndarray,
+                       rx_m: np.ndarray, points_m: np.ndarray, half: int, sharpness: float,
+                       illumination: Illumination | None = None) -> tuple[np.ndarray, np.ndarray]:
     """See `backends.protocol.Correlation`."""
     image = np.zeros(len(points_m), np.complex128)
     covered = np.ones(len(points_m), np.bool_)
@@ -50,7 +57,7 @@ def _taper(sharpness: float) -> np.ndarray:
     return np.array(terms)
 
 
-def _antennas(illumination) -> Antennas:
+def _antennas(illumination: Illumination | None) -> Antennas:
     return Antennas.everything() if illumination is None else Antennas.of(illumination)
 
 

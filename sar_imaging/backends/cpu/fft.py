@@ -40,7 +40,8 @@ import functools
 import math
 import operator
 import os
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, cast
 
 import numpy as np
 import scipy.fft
@@ -158,7 +159,7 @@ def _group(b, place, table, i):
     return b.add(place, b.load(_entry(b, table, INT, i)))
 
 
-def _dft(z):
+def _dft(z: Sequence[Sequence[Vector]]) -> Iterator[tuple[int, Sequence[Vector]]]:
     """Fourier transform of pairs of vectors: by factors near the root, or of a prime length.
 
     Yields each frequency's number and pair as soon as it is known, so that registers are free.
@@ -175,7 +176,7 @@ def _dft(z):
             yield k + near * m, pair
 
 
-def _dft_prime(z):
+def _dft_prime(z: Sequence[Sequence[Vector]]) -> Iterator[tuple[int, Sequence[Vector]]]:
     """Frequencies k and n - k share the sums and the differences of elements j and n - j."""
     n = len(z)
     if n == 2:
@@ -195,7 +196,7 @@ def _dft_prime(z):
         yield n - k, _difference(x, u)
 
 
-def _times_phasor(z, cycles):
+def _times_phasor(z: Sequence[Vector], cycles: float) -> Sequence[Vector]:
     """Times ``exp(-j 2 pi cycles)``."""
     for _ in range(int(4 * cycles)):
         z = z[1], -z[0]
@@ -205,19 +206,19 @@ def _times_phasor(z, cycles):
     return _product(z, (w.real, w.imag))
 
 
-def _product(z, w):
+def _product(z: Sequence[Vector], w: Sequence[Vector] | Sequence[float]) -> Sequence[Vector]:
     return z[0] * w[0] - z[1] * w[1], z[0] * w[1] + z[1] * w[0]
 
 
-def _scaled(z, factor):
+def _scaled(z: Sequence[Vector], factor: float) -> Sequence[Vector]:
     return tuple(part * factor for part in z)
 
 
-def _sum(u, v):
+def _sum(u: Sequence[Vector], v: Sequence[Vector]) -> Sequence[Vector]:
     return tuple(map(operator.add, u, v))
 
 
-def _difference(u, v):
+def _difference(u: Sequence[Vector], v: Sequence[Vector]) -> Sequence[Vector]:
     return tuple(map(operator.sub, u, v))
 
 
@@ -270,7 +271,7 @@ def plan_passes(length: int, inverse: bool, first_bytes: int, work_bytes: int, l
         Sets of columns; those of set s are the second part of a longer transform, whose element m
         is advanced by s m / (n_twiddled length) cycles.
     """
-    radices = radices_of(length)
+    radices = cast('tuple[int, ...]', radices_of(length))
     # elements by their digits: each pass replaces one by that of a frequency
     element, digits = np.arange(length).reshape(radices), np.indices(radices)
     number = np.arange(n_twiddled).reshape(-1, *[1] * len(radices))
@@ -314,7 +315,8 @@ def run_passes(code, source, work, target, n_groups, table, twiddles, twiddles_a
     call(code, (source, work, target, n_groups, table, twiddles, twiddles_apart))
 
 
-def _passes(source, work, target, n_groups, table, twiddles, twiddles_apart):
+def _passes(source: int, work: int, target: int, n_groups: int, table: int, twiddles: int,
+            twiddles_apart: int) -> int:
     n_passes, length = integer_at(table), integer_at(table + 8)
     fetched = integer_at(table + 16)
     for p in range(n_passes):
@@ -544,7 +546,7 @@ def _near_factor(n: int) -> int:
 
 @functools.lru_cache(maxsize=4096)
 def _best_factor(n: int) -> int:
-    def cost(near):
+    def cost(near: int) -> tuple[bool, int, int]:
         n_passes = len(radices_of(near)) + len(radices_of(n // near))
         return max(near, n // near) > _LONGEST, n_passes, near + n // near
 

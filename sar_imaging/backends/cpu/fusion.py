@@ -55,7 +55,8 @@ class Band(NamedTuple):
         return cls(0, np.zeros(n_fine, np.int64), np.full(n_fine, n_bins))
 
 
-def add_transformed(lines, n_bins: int, band: Band, rows, spectrum) -> None:
+def add_transformed(lines: np.ndarray, n_bins: int, band: Band, rows: np.ndarray,
+                    spectrum: np.ndarray) -> None:
     """Transform lines along direction and add them to their band of a spectrum.
 
     While the transform of some columns is in a core's cache, it is added; what becomes of the
@@ -147,7 +148,8 @@ def clear_band(row, begin, end, rows, spectrum):
 _NOTHING = (0,) * 10  # in place of a plan
 
 
-def fold_lines(image, along_alpha, along_range, rows, out) -> None:
+def fold_lines(image: np.ndarray, along_alpha: np.ndarray, along_range: np.ndarray,
+               rows: np.ndarray, out: np.ndarray) -> None:
     """Taper a sub-aperture image and transform it along range.
 
     Parameters
@@ -173,7 +175,8 @@ def fold_lines(image, along_alpha, along_range, rows, out) -> None:
         transform_rows(out[:, :len(along_range)])
 
 
-def finish_lines(spectrum, n_bins: int, n_range: int, first: int, scale, phasor, out) -> None:
+def finish_lines(spectrum: np.ndarray, n_bins: int, n_range: int, first: int, scale: np.ndarray,
+                 phasor: np.ndarray, out: np.ndarray) -> None:
     """Transform rows of the fused spectrum to lines of the image.
 
     Parameters
@@ -400,7 +403,7 @@ class SpectrumFusion:
             begin, end = n_bins - end, n_bins - begin
         return Band(int(row[0]), begin, end)
 
-    def _to_image(self, memory, centre_m=0.0) -> np.ndarray:
+    def _to_image(self, memory: np.ndarray, centre_m: float = 0.0) -> np.ndarray:
         """Image of a spectrum, over which it is written line by line."""
         grid, n_bins = self.grid, len(self._wavenumber)
         polar = grid.polar

@@ -15,7 +15,7 @@ code is written.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -40,6 +40,9 @@ from .memory import WorkSpace
 from .phasors import COSINES, SINES
 from .polar_to_map import _polynomial, group_to_map
 from .profiles import Profiles
+
+if TYPE_CHECKING:
+    from ...planning.profiles import PhaseHistory, RangeGate
 
 LINES = 16  # of a part whose geometry is computed together
 _CHUNK_BYTES = 3 << 20  # coefficients of the echoes that are added together, on each thread
@@ -528,7 +531,8 @@ class GroupImages:
         self._maps = [_Map(one, route.window, cycles_per_m, memory) for one in route.maps]
         self._rest = [(corner, ImagePoints.of_grid(grid)) for corner, grid in route.rest]
 
-    def add(self, samples, tx_m, rx_m, image) -> None:
+    def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray
+            ) -> None:
         """Add echoes to an image, see `backends.protocol.Backprojection`."""
         for one in self._maps:
             one.add(samples, _part_of(image, one.plan.corner, one.plan.grid.shape))
@@ -543,7 +547,7 @@ class GroupImages:
             onto += part
 
 
-def _part_of(image, corner, shape):
+def _part_of(image: np.ndarray, corner: tuple[int, int], shape: tuple[int, int]) -> np.ndarray:
     row, column = corner
     return image[row:row + shape[0], column:column + shape[1]]
 
@@ -551,7 +555,8 @@ def _part_of(image, corner, shape):
 class _Map:
     """A map, or a part of one, from groups."""
 
-    def __init__(self, plan: GroupedMap, window, cycles_per_m: float, memory: WorkSpace):
+    def __init__(self, plan: GroupedMap, window: RangeGate | PhaseHistory, cycles_per_m: float,
+                 memory: WorkSpace):
         self.plan, self._memory, self._cycles_per_m = plan, memory, cycles_per_m
         self._profiles = Profiles(window, plan.resampling, plan.range_m, memory)
         self._phase_range_m = window.phase_range_m
@@ -567,7 +572,7 @@ class _Map:
         self._parts = np.stack([self._edges[:, :-1], self._edges[:, 1:], np.broadcast_to(
             number[:-1], self.plan.frequency.shape)], axis=-1)
 
-    def add(self, samples, image) -> None:
+    def add(self, samples: np.ndarray, image: np.ndarray) -> None:
         done, cells, work = 0, None, self._work()
         for number, group in enumerate(self.plan.groups):
             lines, edges = self._lines(group), self._edges[number]
@@ -585,7 +590,7 @@ class _Map:
             total = self._merged(number, lines)
             group_to_map(total, group, self._axes, self.plan, self._cycles_per_m, image)
 
-    def _until(self, number: int, edges, part: int) -> int:
+    def _until(self, number: int, edges: np.ndarray, part: int) -> int:
         """End of the echoes that are resampled together: whole groups, or whole parts of one."""
         per_echo = 4 * self.plan.resampling.interpolator.n_planes * (
             self.plan.resampling.n_phases * self._profiles.n_cells)
@@ -595,7 +600,7 @@ class _Map:
             return int(ends[ends <= most][-1])
         return int(max(edges[part + 1], edges[edges <= most][-1]))
 
-    def _cells(self, samples, first: int, end: int) -> Cells:
+    def _cells(self, samples: np.ndarray, first: int, end: int) -> Cells:
         profiles, resampling = self._profiles, self.plan.resampling
         planes = self._planes = profiles.planes(samples[first:end])
         _, n_phases, n_planes, n_cells = planes.shape
@@ -616,7 +621,7 @@ class _Map:
                         self._memory('places', (n_tasks, LINES), np.int32),
                         np.arange(segment, dtype=np.float32) - segment // 2)
 
-    def _lines(self, group) -> PartLines:
+    def _lines(self, group: np.void) -> PartLines:
         plan, segment, dr = self.plan, self.plan.resampling.segment, self.plan.resampling.spacing
         n_range, n_lines = int(group['n_range']), int(group['n_coarse'])
         range_m, n_blocks = float(group['range_m']), -(-n_lines // LINES)

@@ -275,7 +275,8 @@ class TileAmplitudes:
         Knot before each line of a group, and the share of the next.
     """
 
-    def __init__(self, echoes: Antennas, positions, node, between):
+    def __init__(self, echoes: Antennas, positions: np.ndarray, node: np.ndarray,
+                 between: np.ndarray):
         self._echoes, self._positions = echoes, positions
         self._node, self._between, self._ends = node, between, _cones(echoes)
 

@@ -15,12 +15,17 @@ from __future__ import annotations
 
 import functools
 import re
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from llvmlite import binding, ir
 from numba.core import config, types
 from numba.core.codegen import get_host_cpu_features, initialize_llvm
 from numba.extending import intrinsic
+
+if TYPE_CHECKING:
+    _Operand: TypeAlias = 'Vector | float | np.float32'
 
 INT, INT32, FLOAT, DOUBLE = ir.IntType(64), ir.IntType(32), ir.FloatType(), ir.DoubleType()
 LINE_BYTES = 64  # of the cache
@@ -62,17 +67,19 @@ GROUP_BYTES = LANES * SAMPLE_BYTES
 BLOCK = LANES // 2  # rows and columns of a transposition: samples of a vector
 
 
-def instructions(*kinds, returns=types.void):
+def instructions(*kinds: types.Type | None, returns: types.Type = types.void
+                 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Make ``write(b, *values)``, which writes instructions with a `Writer`, a function.
 
     Kernels call it with as many arguments. `kinds` are Numba's types of the arguments, None for
     any; arrays are given to `write` as pointers to their first element. What `write` returns is
     the value of the function.
     """
-    def decorate(write):
+    def decorate(write: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(write)
-        def typed(typing_context, *given):
-            def generate(context, b, signature, args):
+        def typed(typing_context: Any, *given: types.Type) -> tuple[Any, Callable[..., Any]]:
+            def generate(context: Any, b: ir.IRBuilder, signature: Any, args: Sequence[ir.Value]
+                         ) -> ir.Value:
                 value = write(Writer(b), *(
                     context.make_array(kind)(context, b, arg).data
                     if isinstance(kind, types.Array) else arg
@@ -90,35 +97,35 @@ def instructions(*kinds, returns=types.void):
 class Vector:
     """Vector whose operators write instructions; other operands may be numbers."""
 
-    def __init__(self, b, value):
+    def __init__(self, b: Writer, value: ir.Value):
         self.b, self.value = b, value
 
-    def _with(self, write, other) -> Vector:
+    def _with(self, write: Callable[[ir.Value, ir.Value], ir.Value], other: _Operand) -> Vector:
         return Vector(self.b, write(self.value, self._of(other)))
 
-    def _of(self, other):
+    def _of(self, other: _Operand) -> ir.Value:
         if isinstance(other, Vector):
             return other.value
         return self.value.type([float(other)] * self.value.type.count)
 
-    def __add__(self, other):
+    def __add__(self, other: _Operand) -> Vector:
         return self._with(self.b.fadd, other)
 
-    def __sub__(self, other):
+    def __sub__(self, other: _Operand) -> Vector:
         return self._with(self.b.fsub, other)
 
-    def __mul__(self, other):
+    def __mul__(self, other: _Operand) -> Vector:
         return self._with(self.b.fmul, other)
 
-    def __neg__(self):
+    def __neg__(self) -> Vector:
         return Vector(self.b, self.b.fneg(self.value))
 
-    def where(self, relation, other, a, b) -> Vector:
+    def where(self, relation: str, other: _Operand, a: _Operand, b: _Operand) -> Vector:
         """``a`` where the relation holds, else ``b``."""
         chosen = self.b.fcmp_ordered(relation, self.value, self._of(other))
         return Vector(self.b, self.b.select(chosen, self._of(a), self._of(b)))
 
-    def call(self, name) -> Vector:
+    def call(self, name: str) -> Vector:
         """Of an intrinsic function of LLVM."""
         kind = self.value.type
         suffix = f'v{kind.count}{"f64" if kind.element == DOUBLE else "f32"}'
@@ -132,7 +139,7 @@ class Vector:
         return Vector(self.b, self.b.fptrunc(self.value, kind))
 
 
-def order(lanes):
+def order(lanes: Iterable[int]) -> ir.Constant:
     """Constant that shuffles take."""
     lanes = list(lanes)
     return ir.VectorType(INT32, len(lanes))(lanes)
@@ -141,30 +148,30 @@ def order(lanes):
 class Writer:
     """LLVM's builder, with what it lacks."""
 
-    def __init__(self, builder):
+    def __init__(self, builder: ir.IRBuilder):
         self._builder = builder
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         return getattr(self._builder, name)
 
-    def spread(self, number, lanes: int) -> Vector:
+    def spread(self, number: ir.Value, lanes: int) -> Vector:
         """The same number in all lanes."""
         kind = ir.VectorType(number.type, lanes)
         one = self.insert_element(kind(ir.Undefined), number, INT32(0))
         return Vector(self, self.shuffle_vector(one, one, order([0] * lanes)))
 
-    def parts_of(self, samples) -> list[Vector]:
+    def parts_of(self, samples: ir.Value) -> list[Vector]:
         """Real and imaginary parts of complex numbers that lie in a vector in turn."""
         return [Vector(self, self.shuffle_vector(samples, samples, order(range(
             part, samples.type.count, 2)))) for part in (0, 1)]
 
-    def interleaved(self, re: Vector, im: Vector):
+    def interleaved(self, re: Vector, im: Vector) -> ir.Value:
         """The opposite of `parts_of`."""
         n = re.value.type.count
         return self.shuffle_vector(re.value, im.value, order(
             i // 2 + i % 2 * n for i in range(2 * n)))
 
-    def transposed(self, rows):
+    def transposed(self, rows: Iterable[ir.Value]) -> list[ir.Value]:
         """Vectors in which the elements of as many vectors lie transposed."""
         rows, n = list(rows), len(rows)
         step = 1
@@ -178,16 +185,16 @@ class Writer:
             step *= 2
         return rows
 
-    def pointer(self, address, kind, shift=0):
+    def pointer(self, address: ir.Value, kind: ir.Type, shift: int = 0) -> ir.Value:
         """What lies so many bytes from an address."""
         return self.inttoptr(self.add(address, INT(shift)), kind.as_pointer())
 
-    def element(self, data, place, kind, shift=0):
+    def element(self, data: ir.Value, place: ir.Value, kind: ir.Type, shift: int = 0) -> ir.Value:
         """Pointer to a vector, or number, from an element of an array on."""
         place = self.gep(data, [self.add(place, place.type(shift))])
         return self.bitcast(place, kind.as_pointer())
 
-    def fetch_line(self, place, locality=3):
+    def fetch_line(self, place: ir.Value, locality: int = 3) -> None:
         """Bring a line of the cache into the first cache (locality 3), or the second one (2)."""
         kind = ir.IntType(8).as_pointer()
         prefetch = self.module.declare_intrinsic('llvm.prefetch', [kind], ir.FunctionType(

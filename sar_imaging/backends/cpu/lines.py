@@ -12,7 +12,7 @@ before it becomes float32.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -38,8 +38,9 @@ _TASKS_PER_THREAD = 8
 _R1, _R2, _R6, _R8, _R24 = (np.float32(1 / v) for v in (1, 2, 6, 8, 24))
 
 
-def project_lines(profiles: Profiles, samples, tx_m, rx_m, layers, ramp, image,
-                  tiles: Sequence[TileAmplitudes] | None = None) -> None:
+def project_lines(profiles: Profiles, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray,
+                  layers: Sequence[tuple[np.ndarray, np.ndarray]], ramp: np.ndarray,
+                  image: np.ndarray, tiles: Sequence[TileAmplitudes] | None = None) -> None:
     """Add echoes to an image whose lines follow range.
 
     Neighbouring pixels of a line lie one cell of the resampled profiles apart (up to a small
@@ -424,7 +425,8 @@ def _weigh_phasors(coefficients, task, half, amplitude, echo, group, number, nod
             coefficients[task, 9 + part, j] = c3 * w0 + c2 * w1 + c1 * w2
 
 
-def line_middles(locate, n_lines: int, n_pixels: int, segment: int) -> np.ndarray:
+def line_middles(locate: Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]], n_lines: int,
+                 n_pixels: int, segment: int) -> np.ndarray:
     """Geometry of image lines as `project_lines` wants it.
 
     Parameters
@@ -447,7 +449,8 @@ def line_middles(locate, n_lines: int, n_pixels: int, segment: int) -> np.ndarra
     return np.ascontiguousarray(middles.transpose(1, 0, 3, 2))
 
 
-def segment_middles(locate, line, n_pixels: int, segment: int) -> np.ndarray:
+def segment_middles(locate: Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]],
+                    line: np.ndarray, n_pixels: int, segment: int) -> np.ndarray:
     """(S, n, 15) float64 positions and derivatives in the middle of the segments of n lines."""
     middle = np.arange(-(-n_pixels // segment)) * segment + segment // 2
     return np.concatenate(locate(middle[:, None], line), axis=-1)
@@ -472,7 +475,8 @@ class GridLineImages:
                 lines.locate(layer), lines.n_lines, lines.n_pixels, segment))
                 for layer in range(len(lines.layouts))]
 
-    def add(self, samples, tx_m, rx_m, image) -> None:
+    def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray
+            ) -> None:
         """Add echoes to an image, see `backends.protocol.Backprojection`."""
         project_lines(self._profiles, samples, tx_m, rx_m, self._layers, self._ramp,
                       image.reshape(-1).view(np.float32), self._tiles)
@@ -494,7 +498,8 @@ class PolarLines:
         cycles = 2 * (resampling.cell_m - polar.range_spacing_m) / profiles.radar.wavelength_m
         self._ramp = _phasor(cycles * np.arange(polar.n_range))
 
-    def add(self, samples, tx_m, rx_m, image, illumination: Illumination | None = None) -> None:
+    def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray,
+            illumination: Illumination | None = None) -> None:
         """Add echoes to an image at range baseband.
 
         Parameters
@@ -513,8 +518,8 @@ class PolarLines:
                       image.reshape(-1), self._nodes and [
                           TileAmplitudes(Antennas.of(illumination), *self._nodes)])
 
-    def fill(self, samples, tx_m, rx_m, image, weights=None,
-             illumination: Illumination | None = None) -> None:
+    def fill(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray,
+             weights: np.ndarray | None = None, illumination: Illumination | None = None) -> None:
         """Image of echoes with weights, (R,) float32; otherwise as `add`."""
         image[:] = 0.0
         if weights is not None:
@@ -522,5 +527,5 @@ class PolarLines:
         self.add(samples, tx_m, rx_m, image, illumination)
 
 
-def _phasor(cycles) -> np.ndarray:
+def _phasor(cycles: np.ndarray) -> np.ndarray:
     return np.exp(2j * np.pi * np.fmod(cycles, 1.0)).astype(np.complex64)

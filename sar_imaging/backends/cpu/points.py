@@ -94,13 +94,15 @@ class PointImages:
         self._plan, self._memory, self._illumination = plan.route, memory, plan.illumination
         self._layers = image_layers(plan.grid)
 
-    def add(self, samples, tx_m, rx_m, image) -> None:
+    def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray
+            ) -> None:
         """Add echoes to an image, see `backends.protocol.Backprojection`."""
         project_points(self._plan, self._layers, samples, tx_m, rx_m,
                        image.reshape(-1).view(np.float32), self._memory, self._illumination)
 
 
-def project_points(plan: PointPlan, layers: Sequence[ImagePoints], samples, tx_m, rx_m, image,
+def project_points(plan: PointPlan, layers: Sequence[ImagePoints], samples: np.ndarray,
+                   tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray,
                    memory: WorkSpace | None = None, illumination: Illumination | None = None
                    ) -> None:
     """Add echoes to the points of an image.

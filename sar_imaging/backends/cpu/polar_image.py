@@ -8,6 +8,7 @@ Images of parts are interpolated to the lines of their sum in tiles that stay in
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -45,7 +46,7 @@ class AzimuthUpsampling:
         self._weights = _in_pairs(weights, start, self._start)
         self._parts = parts
 
-    def add_all(self, form, total) -> None:
+    def add_all(self, form: Callable[[int, np.ndarray], None], total: np.ndarray) -> None:
         """Add the images of all parts to the sum, (2, n_alpha, n_range) float32, in place.
 
         ``form(number, image)`` adds a part to its image (2, n_alpha_coarse, n) float32, real and
@@ -84,7 +85,7 @@ def _rotate_lines(real, imag, phasor):
             imag[line, i] = re * s + im * c
 
 
-def _in_pairs(weights, start, common) -> np.ndarray:
+def _in_pairs(weights: np.ndarray, start: np.ndarray, common: np.ndarray) -> np.ndarray:
     """(n_pairs, 2, TAPS + 1) float32 weights of neighbouring lines, from their common start.
 
     They begin at the same coarse line or at the next one; a last single line gets a partner that
@@ -162,7 +163,8 @@ class PolarImage:
         self._merging = route.parts and AzimuthUpsampling(route.parts)
         self._memory = memory
 
-    def add(self, samples, tx_m, rx_m, image) -> None:
+    def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray
+            ) -> None:
         """Add echoes to an image, see `backends.protocol.Backprojection`."""
         route, echoes = self._route, (samples, tx_m, rx_m)
         shape = 2, route.polar.n_alpha, route.polar.n_range

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -231,7 +232,7 @@ def _weighted_sums(b, places, step, weights, taps, t, later):
     return sums
 
 
-def _polynomial(coefficients, x):
+def _polynomial(coefficients: Sequence[np.float32], x: Vector) -> Vector:
     value = x * coefficients[0] + coefficients[1]
     for coefficient in coefficients[2:]:
         value = value * x + coefficient
@@ -256,9 +257,9 @@ _ROUND_ROWS = 16  # or a multiple: whole vectors on all processors
 _ROUND_BYTES = 8 << 20  # written by a round on average: tasks wait for each other at its end
 
 
-def polar_to_map(lines, polar: PolarGrid, grid: MapGrid, *, axis: int, wavelength_m: float,
-                 between: Interpolator, along: Interpolator, onto: np.ndarray | None = None,
-                 overwrite: bool = False) -> np.ndarray:
+def polar_to_map(lines: np.ndarray, polar: PolarGrid, grid: MapGrid, *, axis: int,
+                 wavelength_m: float, between: Interpolator, along: Interpolator,
+                 onto: np.ndarray | None = None, overwrite: bool = False) -> np.ndarray:
     """Interpolate a polar image at range baseband to a map image.
 
     Parameters
@@ -296,7 +297,8 @@ def polar_to_map(lines, polar: PolarGrid, grid: MapGrid, *, axis: int, wavelengt
     return image
 
 
-def group_to_map(lines, group, axes_m, plan: GroupedMap, cycles_per_m: float, image) -> None:
+def group_to_map(lines: np.ndarray, group: np.void, axes_m: tuple[np.ndarray, np.ndarray],
+                 plan: GroupedMap, cycles_per_m: float, image: np.ndarray) -> None:
     """Add the polar image of a group of echoes to a map, whose rows may lie in a larger one.
 
     Parameters
@@ -354,7 +356,8 @@ def overwriting_rounds(polar: PolarGrid, grid: MapGrid, *, axis: int, between: I
     return rounds
 
 
-def _positions(polar, grid, axis, between):
+def _positions(polar: PolarGrid, grid: MapGrid, axis: int, between: Interpolator
+               ) -> tuple[np.ndarray, np.ndarray, tuple[float, float, float]]:
     """Pixels ahead of and rows beside the origin, and how directions are told as lines.
 
     The last is (ahead, beside, zero): a row meets range r in line ``(ahead sqrt(r^2 - row^2 -
@@ -369,7 +372,8 @@ def _positions(polar, grid, axis, between):
                         polar.alpha_start / polar.alpha_spacing - between.first)
 
 
-def _first_lines(polar, grid, between, along) -> np.ndarray:
+def _first_lines(polar: PolarGrid, grid: MapGrid, between: Interpolator, along: Interpolator
+                 ) -> np.ndarray:
     """(n_y,) int64 first line that each row of a map is interpolated from, or one before it."""
     line, rows, (ahead, beside, zero) = _positions(polar, grid, 0, between)
     beside2, along_track = rows ** 2 + polar.height_m ** 2, beside * rows
@@ -403,8 +407,9 @@ class _Lines(NamedTuple):
     n_alpha: int
 
 
-def _interpolate(real, imag, lines: _Lines, image, rounds, add, axis, cycles_per_m, between,
-                 along) -> None:
+def _interpolate(real: np.ndarray, imag: np.ndarray, lines: _Lines, image: np.ndarray,
+                 rounds: Sequence[int], add: bool, axis: int, cycles_per_m: float,
+                 between: Interpolator, along: Interpolator) -> None:
     """Rows from one of `rounds` to the next, one round after the other; added or stored."""
     line, rows, direction, height_m, start, step, n_range, n_alpha = lines
     steps = image.strides if axis == 0 else image.strides[::-1]

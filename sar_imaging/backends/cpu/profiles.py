@@ -8,6 +8,7 @@ The polynomials are those of `planning.interpolators` (Farrow 1988).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from llvmlite import ir
@@ -113,7 +114,7 @@ class Profiles:
         path_m = self.range_at(cell) - self._source.phase_range_m
         return math.fmod(2 * path_m / self.radar.wavelength_m, 1.0)
 
-    def chunks(self, n_echoes: int):
+    def chunks(self, n_echoes: int) -> Iterator[slice]:
         """Slices of echoes that are added in one pass."""
         resampling = self.resampling
         n_bytes = 4 * resampling.interpolator.n_planes * resampling.n_phases * self._count
@@ -121,7 +122,7 @@ class Profiles:
                    max(numba.get_num_threads(), _CHUNK_BYTES // n_bytes))
         return (slice(lo, min(lo + step, n_echoes)) for lo in range(0, n_echoes, step))
 
-    def planes(self, samples) -> np.ndarray:
+    def planes(self, samples: np.ndarray) -> np.ndarray:
         """Polynomial coefficients of some profiles.
 
         Parameters
@@ -178,7 +179,7 @@ class Profiles:
         return task[:, None, None] + split.itemsize * at
 
 
-def _dense_by_scipy(spectra, zero: int, gain, n_dense: int) -> np.ndarray:
+def _dense_by_scipy(spectra: np.ndarray, zero: int, gain: np.ndarray, n_dense: int) -> np.ndarray:
     """(R, n_dense) complex64 profiles, of a length that `transform_row` does not know."""
     n = spectra.shape[1]
     keep, dense = min(n, n_dense), np.zeros((len(spectra), n_dense), np.complex64)
@@ -318,8 +319,8 @@ def _weigh_phases(split, neighbours, weights, degrees, pad, out):
                       target, 4 * n)
 
 
-def spectra(source: RangeGate | PhaseHistory, samples: np.ndarray, n_padded: int,
-            buffer) -> np.ndarray:
+def spectra(source: RangeGate | PhaseHistory, samples: np.ndarray, n_padded: int, buffer: WorkSpace
+            ) -> np.ndarray:
     """Spectra of what an image needs of some profiles.
 
     Parameters

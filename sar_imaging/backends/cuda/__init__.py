@@ -7,6 +7,7 @@ Its entries are imported when they are used first; nothing of CUDA is imported b
 """
 
 import importlib
+from typing import Any
 
 DEVICE_ARRAYS = True  # of CuPy are taken as well
 
@@ -18,7 +19,7 @@ _MODULES = {'Backprojection': 'backprojection', 'SubapertureImager': 'subapertur
             'DEFAULT': 'costs', 'VARIABLE': 'costs', 'TrialImages': 'points'}
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     return getattr(importlib.import_module(f'.{_MODULES[name]}', __name__), name)

@@ -12,6 +12,7 @@ import functools
 import importlib
 import warnings
 from collections.abc import Callable
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numba import config
@@ -22,6 +23,8 @@ from ..simulated import SimulatedArray
 
 SIMULATED = bool(config.ENABLE_CUDASIM)
 _INSTALL = "backend='cuda' needs CuPy and numba-cuda: pip install 'sar_imaging[cuda]'"
+_P = ParamSpec('_P')
+_R = TypeVar('_R')
 _OTHER = "use backend='cpu', or 'auto' for whatever there is"
 
 try:
@@ -75,14 +78,14 @@ def _run_first_kernel() -> None:
     synchronise()
 
 
-def _fill(array) -> None:
+def _fill(array: np.ndarray) -> None:
     array[0] = 1
 
 
-def reports_failures(work: Callable) -> Callable:
+def reports_failures(work: Callable[_P, _R]) -> Callable[_P, _R]:
     """Have a function raise `DeviceError` where the device fails, whichever library tells."""
     @functools.wraps(work)
-    def reporting(*arguments, **options):
+    def reporting(*arguments: _P.args, **options: _P.kwargs) -> _R:
         try:
             return work(*arguments, **options)
         except _OUT_OF_MEMORY as error:
@@ -131,17 +134,17 @@ def check_memory(n_bytes: int, what: str, remedy: str) -> None:
                           f'{free / 1e6:.3f} MB are free; {remedy}')
 
 
-def kernel(*, registers: int | None = None):
+def kernel(*, registers: int | None = None) -> Callable[[Callable[..., Any]], Any]:
     """Decorate a kernel; `registers` of a thread at most, that more threads may run at once."""
     return cuda.jit if SIMULATED or registers is None else cuda.jit(max_registers=registers)
 
 
-def function(work: Callable) -> Callable:
+def function(work: Callable[..., Any]) -> Callable[..., Any]:
     """Decorate what kernels call; in the simulator it stays a function, which is quicker."""
     return work if SIMULATED else cuda.jit(device=True)(work)
 
 
-def pairs(array):
+def pairs(array: np.ndarray) -> np.ndarray:
     """The elements of a contiguous complex64 array one by one, as `load_pair` takes them.
 
     A compiler loads the parts of a complex number one after the other. Here they are 64 bits.
@@ -168,7 +171,8 @@ def store_pair(values, at, real, imag):
         values[at] = (np.int64(_as_int(imag)) << 32) | np.int64(np.uint32(_as_int(real)))
 
 
-def launch(work, blocks, threads, *arguments) -> None:
+def launch(work: Any, blocks: int | tuple[int, ...], threads: int | tuple[int, ...],
+           *arguments: Any) -> None:
     """Run a kernel on the present stream; no block, no work.
 
     Tuples among the arguments hold numbers alone: of arrays of CuPy in a tuple Numba does not know
@@ -183,22 +187,22 @@ def launch(work, blocks, threads, *arguments) -> None:
         work[blocks, threads, cuda.external_stream(stream) if stream else 0](*arguments)
 
 
-def on_device(array) -> bool:
+def on_device(array: object) -> bool:
     """Whether somebody gave an array that lies in the device's memory."""
     return isinstance(array, SimulatedArray if SIMULATED else xp.ndarray)
 
 
-def taken(array):
+def taken(array: Any) -> np.ndarray:
     """An array that somebody gave as this backend works on it: in the simulator, NumPy's."""
     return array.values if SIMULATED and on_device(array) else array
 
 
-def given(array):
+def given(array: np.ndarray) -> Any:
     """An array of this backend as others get it: one of the device, in the simulator, too."""
     return SimulatedArray(array) if SIMULATED and not on_device(array) else array
 
 
-def complex_samples(samples):
+def complex_samples(samples: np.ndarray) -> np.ndarray:
     """Samples (..., N) complex64 on the device; pairs of integers (..., N, 2) are converted there.
 
     Half the bytes travel so, where a radar delivers int16.

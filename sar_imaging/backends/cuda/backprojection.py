@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ...geometry.polar import PolarGrid
@@ -75,7 +77,7 @@ class AzimuthUpsampling:
         self._weights = xp.asarray(weights.astype(np.float32))
         self._parts, self.coarse, self.fine = parts, coarse, fine
 
-    def add_all(self, form, total) -> None:
+    def add_all(self, form: Callable[[int, np.ndarray], None], total: np.ndarray) -> None:
         """Add the images of all parts to the sum.
 
         Parameters
@@ -101,7 +103,7 @@ class AzimuthUpsampling:
                    self._phasors(numbers, coarse, -1), self._start, self._weights,
                    self._phasors(numbers, fine, 1), total)
 
-    def _phasors(self, numbers: range, grid: PolarGrid, sign: int):
+    def _phasors(self, numbers: range, grid: PolarGrid, sign: int) -> np.ndarray:
         """(P, n_alpha) complex64 carrier of each part's band along direction."""
         radians = np.multiply.outer(sign * self._parts.frequency[numbers], grid.alpha)
         return xp.asarray(np.exp(1j * np.fmod(radians, 2 * np.pi)).astype(np.complex64))
@@ -210,7 +212,8 @@ class Backprojection:
         self._latest: tuple[Tile | None, object] = (None, None)
 
     @reports_failures
-    def add(self, samples, tx_m, rx_m, image) -> None:
+    def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray
+            ) -> None:
         """Add echoes to an image, see `backends.protocol.Backprojection`."""
         echoes = samples, tx_m, rx_m
         if on_device(image):
@@ -220,7 +223,7 @@ class Backprojection:
             onto = whole.part_of(taken(image))
             onto += there
             return
-        sums = []
+        sums: list[tuple[Tile, np.ndarray]] = []
         for tile in self.tiles:  # sums wait, that a failure leaves the image as it was
             sums = [(waiting, to_host(there)) for waiting, there in sums]
             there = xp.zeros(tile.shape, np.complex64)
@@ -230,7 +233,7 @@ class Backprojection:
         for tile, there in sums:
             add_to_host(there, tile.part_of(image))
 
-    def _route(self, tile: Tile):
+    def _route(self, tile: Tile) -> _Polar | _AlongLines | _OntoPoints:
         """What adds echoes to a tile; that of the latest one is kept."""
         if self._latest[0] != tile:
             self._latest = None, None  # its memory first
@@ -259,7 +262,8 @@ class _Polar:
         self._lines = polar_lines(coarse, profiles, read, route.amplitudes)
         self._merging = merging
 
-    def add(self, samples, tx_m, rx_m, image) -> None:
+    def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray
+            ) -> None:
         route, echoes = self._route, (samples, tx_m, rx_m)
         total = xp.zeros((2, *self._polar.shape), np.float32)
         if self._merging is None:
@@ -289,7 +293,8 @@ class _AlongLines:
                             ramp(profiles.cycles_per_step * route.resampling.n_phases,
                                  lines.n_pixels), route.amplitudes, tile.rows, lines.n_lines)
 
-    def add(self, samples, tx_m, rx_m, image) -> None:
+    def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray
+            ) -> None:
         self._lines.add(samples, tx_m, rx_m, image, self._illumination)
 
 
@@ -302,5 +307,6 @@ class _OntoPoints:
                               tile.rows)
         self._illumination = plan.illumination
 
-    def add(self, samples, tx_m, rx_m, image) -> None:
+    def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray
+            ) -> None:
         self._points.add(samples, tx_m, rx_m, image, self._illumination)

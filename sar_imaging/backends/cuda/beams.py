@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,6 +31,9 @@ from .arrays import cuda, function, kernel, launch, load_pair, pairs, store_pair
 from .illumination import Antennas, amplitude, in_axes
 from .phasors import fraction, phasor, short_fraction
 from .profiles import profile_spectra
+
+if TYPE_CHECKING:
+    _Geometry = tuple[BeamGeometry, int, tuple[float, ...]]
 
 CENTRE, HEIGHT, RANGE, START, SPACING, LOW, HIGH, BEND = 0, 3, 4, 5, 6, 7, 8, 9  # of `geometry`
 BEAMS = 8  # of a thread, which has one cell
@@ -468,7 +472,8 @@ class Beams:
 
     def __init__(self, plan: SubaperturePlan):
         source, resampling, sampling, polar = plan.source, plan.resampling, plan.beams, plan.coarse
-        self._plan, self._edges, self._geometries = plan, grid_edges(polar), {}
+        self._plan, self._edges = plan, grid_edges(polar)
+        self._geometries: dict[bytes, _Geometry] = {}
         n_bins, n_cells, cell_m = resampling.n_padded, resampling.n_cells, resampling.cell_m
         first = math.floor((plan.range_m[0] - source.range_start_m) / cell_m) - CELL_TAPS
         # beyond the profile's ends a period repeats, what was recorded does not
@@ -501,8 +506,9 @@ class Beams:
         n_beams = plan.beams.n_beams(coarse.n_alpha * coarse.alpha_spacing)
         return int(8 * (3 * n_beams * plan.resampling.n_cells + coarse.n_alpha * coarse.n_range))
 
-    def images(self, samples, weights, pieces: Sequence[slice], tx_m, rx_m,
-               nodes: Sequence[AmplitudeNodes | None]):
+    def images(self, samples: np.ndarray, weights: np.ndarray, pieces: Sequence[slice],
+               tx_m: np.ndarray, rx_m: np.ndarray, nodes: Sequence[AmplitudeNodes | None]
+               ) -> np.ndarray:
         """Images of some sub-apertures at range baseband.
 
         Parameters
@@ -545,7 +551,7 @@ class Beams:
                between.first, along.first, images, *parabolas)
         return images
 
-    def _geometry(self, tx_m, rx_m) -> tuple[BeamGeometry, int, tuple]:
+    def _geometry(self, tx_m: np.ndarray, rx_m: np.ndarray) -> _Geometry:
         """Of a sub-aperture: also how many beams, and its row of `forming.OWN`."""
         key = tx_m.tobytes() + rx_m.tobytes()
         if key not in self._geometries:
@@ -566,7 +572,8 @@ class Beams:
                 bend)
         return self._geometries[key]
 
-    def _beams(self, samples, weights, rows, there, geometry, centres):
+    def _beams(self, samples: np.ndarray, weights: np.ndarray, rows: np.ndarray, there: np.ndarray,
+               geometry: np.ndarray, centres: np.ndarray) -> np.ndarray:
         """(G, M, n_cells) complex64 beams at range baseband; `there` is `rows` on the device."""
         plan = self._plan
         source, resampling, between = plan.source, plan.resampling, plan.beams.between
@@ -595,8 +602,9 @@ class _AmplitudeParabolas:
                                  np.arange(polar.n_alpha)[:, None])[0]
         self._positions = xp.asarray(np.ascontiguousarray(positions.reshape(-1, 3).T))
 
-    def parabolas(self, nodes: Sequence[AmplitudeNodes], geometries, told: tuple,
-                  cycles_per_m: float) -> tuple:
+    def parabolas(self, nodes: Sequence[AmplitudeNodes], geometries: Sequence[_Geometry],
+                  told: tuple[np.ndarray, np.ndarray, np.ndarray], cycles_per_m: float
+                  ) -> tuple[np.ndarray, int]:
         """The last arguments of `interpolate_weighted_beams`.
 
         Parameters

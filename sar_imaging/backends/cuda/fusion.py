@@ -166,7 +166,7 @@ class SpectrumFusion:
                  guard_taper(grid.n_coarse_range, grid.range_guard, grid.beta))
         self._taper = [xp.asarray(v.astype(np.float32)) for v in taper]
         self._wavenumbers = xp.asarray(self._wavenumber.astype(np.float64))
-        self._contributions: dict[int, tuple | None] = {}  # None if not kept
+        self._contributions: dict[int, tuple[np.ndarray, float] | None] = {}  # None if not kept
         self._spectrum = None
 
     @property
@@ -175,7 +175,7 @@ class SpectrumFusion:
         return frozenset(self._contributions)
 
     @reports_failures
-    def add(self, number: int, image, centre_m: float) -> None:
+    def add(self, number: int, image: np.ndarray, centre_m: float) -> None:
         """Add a sub-aperture, or replace it; see `backends.protocol.SpectrumFusion`."""
         self.grid.check_contribution(image, centre_m)
         if number in self._contributions and not self._keep:
@@ -187,11 +187,12 @@ class SpectrumFusion:
         self._add([number], xp.ascontiguousarray(there, np.float32)[None], [centre_m])
 
     @reports_failures
-    def add_all(self, numbers: Sequence[int], images, centres_m: Sequence[float]) -> None:
+    def add_all(self, numbers: Sequence[int], images: np.ndarray, centres_m: Sequence[float]
+                ) -> None:
         """Add sub-apertures that are not in the image, (G, 2, n_alpha, n_range) of the device."""
         self._add(numbers, images, centres_m)
 
-    def _add(self, numbers: Sequence[int], images, centres_m: Sequence[float]) -> None:
+    def _add(self, numbers: Sequence[int], images: np.ndarray, centres_m: Sequence[float]) -> None:
         n, _, n_lines, n_ranges = images.shape
         tapered = xp.empty((n, n_lines, n_ranges), np.complex64)
         launch(taper_images, (-(-n_ranges // _THREADS), n_lines, n), _THREADS, images,
@@ -214,7 +215,7 @@ class SpectrumFusion:
         self._spectrum = None
 
     @reports_failures
-    def polar_image(self, centre_m: float = 0.0):
+    def polar_image(self, centre_m: float = 0.0) -> np.ndarray:
         """Image of what was added so far; see `backends.protocol.SpectrumFusion`."""
         grid, polar, n_bins = self.grid, self.grid.polar, len(self._wavenumber)
         spectrum = self._fused()
@@ -238,7 +239,7 @@ class SpectrumFusion:
         image = image * xp.asarray(scale.astype(np.complex64))[:, None]
         return given(xp.stack([image.real, image.imag]).astype(np.float32, copy=False))
 
-    def take_polar_image(self):
+    def take_polar_image(self) -> np.ndarray:
         """As `polar_image`; nothing is included any more."""
         image = self.polar_image()
         self.clear()
@@ -248,7 +249,7 @@ class SpectrumFusion:
         """Begin another aperture on the same grid: nothing is included any more."""
         self._contributions, self._spectrum = {}, None
 
-    def _fused(self):
+    def _fused(self) -> np.ndarray:
         """(n_fine, K) complex64 spectrum."""
         if self._spectrum is None:
             self._spectrum = xp.zeros((self.grid.n_fine, len(self._wavenumber)), np.complex64)
@@ -257,7 +258,7 @@ class SpectrumFusion:
                 self._add_bands(folded, [centre_m])
         return self._spectrum
 
-    def _add_bands(self, folded, centres_m: Sequence[float]) -> None:
+    def _add_bands(self, folded: np.ndarray, centres_m: Sequence[float]) -> None:
         """Add bands that coarse spectra (G, n_coarse, n_coarse_range) hold folded."""
         if self._spectrum is None:
             self._spectrum = xp.zeros((self.grid.n_fine, len(self._wavenumber)), np.complex64)
@@ -272,8 +273,8 @@ class SpectrumFusion:
 
 
 @reports_failures
-def form_map(polar_image, fusion: UnifiedPolarGrids, grid: MapGrid, centre_m: float = 0.0, *,
-             overwrite: bool = False):
+def form_map(polar_image: np.ndarray, fusion: UnifiedPolarGrids, grid: MapGrid,
+             centre_m: float = 0.0, *, overwrite: bool = False) -> np.ndarray:
     """Interpolate a fused image to a map, see `backends.protocol.Backend`.
 
     The map is an array of the device, and has memory of its own.

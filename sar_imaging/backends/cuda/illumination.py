@@ -42,7 +42,7 @@ class Antennas:
         self.ends = xp.asarray(np.array([math.sin(right), math.sin(left), math.cos(high),
                                          math.sin(high), math.cos(low), math.sin(low)]))
 
-    def at_nodes(self, positions, echoes: slice):
+    def at_nodes(self, positions: np.ndarray, echoes: slice) -> np.ndarray:
         """(K, R) float32 amplitudes of some echoes at nodes (3, K) float64, metres.
 
         All are arrays of the device; a NaN stands where a node has no position.

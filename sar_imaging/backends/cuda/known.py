@@ -5,11 +5,15 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 from ...planning.afbp.subapertures import SubaperturePlan
 from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
 from ...planning.exact.points import PointPlan
 from ...planning.exact.polar_image import PolarPlan
+
+if TYPE_CHECKING:
+    from ...planning.plan import Plan
 
 _ROUTE = {'window', 'resampling', 'errors_db', 'cost', 'amplitudes'}
 _KNOWN = {BackprojectionPlan: {'grid', 'radar', 'tx_m', 'rx_m', 'range_m', 'route', 'warnings',
@@ -23,7 +27,7 @@ _KNOWN = {BackprojectionPlan: {'grid', 'radar', 'tx_m', 'rx_m', 'range_m', 'rout
                             'amplitudes'}}
 
 
-def refuse_unknown(plan) -> None:
+def refuse_unknown(plan: Plan) -> None:
     """Refuse a plan that says more than this backend computes.
 
     Raises

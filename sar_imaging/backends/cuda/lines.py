@@ -15,7 +15,8 @@ compute the geometry of some echoes into shared memory, then each adds these ech
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,6 +29,9 @@ from .illumination import Antennas
 from .phasors import fraction, phasor, short_fraction
 from .profiles import Profiles
 from .transfers import in_pieces
+
+if TYPE_CHECKING:  # of pixels and lines to positions and their derivatives
+    _Locate = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
 
 THREADS, LINES, PIXELS = 128, 8, 2
 ECHOES = 32  # most echoes that share the reference for the phase: `ECHOES_PER_PASS` of plans
@@ -408,8 +412,10 @@ class Lines:
     n_lines : int
     """
 
-    def __init__(self, profiles: Profiles, layers, n_pixels: int, ramp: np.ndarray,
-                 nodes: LineAmplitudes | None = None, rows: slice | None = None, n_lines: int = 0):
+    def __init__(self, profiles: Profiles,
+                 layers: Sequence[tuple[_Locate, Sequence[int] | np.ndarray]], n_pixels: int,
+                 ramp: np.ndarray, nodes: LineAmplitudes | None = None, rows: slice | None = None,
+                 n_lines: int = 0):
         self.profiles, segment = profiles, profiles.resampling.segment
         self._n_lines, self._ramp = int(layers[0][1][0]), xp.asarray(ramp)
         rows, n_lines = rows or slice(0, self._n_lines), n_lines or self._n_lines
@@ -418,7 +424,8 @@ class Lines:
         self._nodes = [None if nodes is None else _Nodes(locate, rows, n_lines, n_pixels, segment,
                                                       nodes.apart) for locate, _ in layers]
 
-    def add(self, samples, tx_m, rx_m, image, illumination: Illumination | None = None) -> None:
+    def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray,
+            illumination: Illumination | None = None) -> None:
         """Add echoes to an image.
 
         Parameters
@@ -472,7 +479,7 @@ class _Nodes:
         Memory that the amplitudes of an echo take.
     """
 
-    def __init__(self, locate: Callable, rows: slice, n_lines: int, n_pixels: int, segment: int,
+    def __init__(self, locate: _Locate, rows: slice, n_lines: int, n_pixels: int, segment: int,
                  apart: int):
         positions, _, between = node_positions(locate, n_lines, n_pixels, segment, apart)
         group = rows.start // NODE_LINES
@@ -483,7 +490,7 @@ class _Nodes:
         self.echo_bytes = 4 * self.positions.shape[1]
 
 
-def segment_middles(locate: Callable, rows: slice, n_pixels: int, segment: int) -> np.ndarray:
+def segment_middles(locate: _Locate, rows: slice, n_pixels: int, segment: int) -> np.ndarray:
     """(S, 15, n_lines) float64 positions and derivatives in the middle of the segments of lines.
 
     `locate` and `rows` are as of `Lines`.

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -465,7 +466,7 @@ class Points:
         self._nodes = [plan.amplitudes and _Nodes(points, rows, plan) for points in layers]
         self._layers = [self._prepared(rows_of_points(points, rows)) for points in layers]
 
-    def _prepared(self, points: ImagePoints) -> tuple:
+    def _prepared(self, points: ImagePoints) -> tuple[Any, ...]:
         """Coordinates, strides, layout and tiles of a layer, as the kernels take them."""
         (n_y, n_x), (height, width) = points.size, self._plan.tile
         tiles = xp.empty((-(-n_y // height) * -(-n_x // width), 4), np.float64)
@@ -475,7 +476,8 @@ class Points:
         launch(bound_tiles, -(-len(tiles) // THREADS), THREADS, *made)
         return made
 
-    def add(self, samples, tx_m, rx_m, image, illumination: Illumination | None = None) -> None:
+    def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray,
+            illumination: Illumination | None = None) -> None:
         """Add echoes to an image, (K,) float32 array of the device; see `Lines.add`."""
         profiles, plan = self._profiles, self._plan
         centres = xp.asarray(np.concatenate([tx_m, rx_m], axis=1))
@@ -519,7 +521,7 @@ class _Nodes:
                                         np.int64))
         self.echo_bytes = 4 * len(positions)
 
-    def amplitude_arguments(self, antennas: Antennas, echoes: slice) -> tuple:
+    def amplitude_arguments(self, antennas: Antennas, echoes: slice) -> tuple[np.ndarray, ...]:
         """The last arguments of `add_weighted_points`."""
         return (antennas.at_nodes(self._positions, echoes), self._how, antennas.axes[echoes],
                 antennas.table.astype(np.float32), antennas.place.astype(np.float32),
@@ -545,7 +547,7 @@ class TrialImages:
     length = LENGTH
 
     @reports_failures
-    def __init__(self, radar: RadarParameters, samples):
+    def __init__(self, radar: RadarParameters, samples: np.ndarray):
         require_device()
         self._radar, self._n_samples = radar, samples.shape[-1]
         self._profiles = complex_samples(samples)

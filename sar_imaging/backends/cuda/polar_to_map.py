@@ -20,8 +20,8 @@ _THREADS = 128
 _MOST_WEIGHTS, _POWERS, _TAPS, _FEW = TAPS * (DEGREE + 1), DEGREE + 1, TAPS, DEAPODISED_TAPS
 
 
-def polar_to_map(image, polar: PolarGrid, grid: MapGrid, onto, *, axis: int, wavelength_m: float,
-                 between: Interpolator, along: Interpolator,
+def polar_to_map(image: np.ndarray, polar: PolarGrid, grid: MapGrid, onto: np.ndarray, *,
+                 axis: int, wavelength_m: float, between: Interpolator, along: Interpolator,
                  cycles_per_alpha: float = 0.0) -> None:
     """Add a polar image at range baseband, with its carrier, to a map.
 

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -29,7 +30,8 @@ _THREADS = 128
 _TAPS, _MOST_WEIGHTS = TAPS, TAPS * (LINE_DEGREE + 1)
 
 
-def profile_spectra(source: RangeGate | PhaseHistory, samples, n_padded: int):
+def profile_spectra(source: RangeGate | PhaseHistory, samples: np.ndarray, n_padded: int
+                    ) -> np.ndarray:
     """Fourier coefficients of what an image needs of some profiles, bin 0 first.
 
     `backends.reference.resample_profiles.profile_spectra` has the formula; the gain is left out.
@@ -61,7 +63,7 @@ def profile_spectra(source: RangeGate | PhaseHistory, samples, n_padded: int):
     return xp.fft.fft(cut, n_padded, axis=-1).astype(np.complex64, copy=False)
 
 
-def pad_band(spectrum, zero: int, gain, n_out: int):
+def pad_band(spectrum: np.ndarray, zero: int, gain: np.ndarray, n_out: int) -> np.ndarray:
     """Spectra times the gain, with zeros between positive and negative frequencies or cropped.
 
     Positive frequencies start at bin `zero` of the spectra (R, N), negative ones end before it;
@@ -127,7 +129,7 @@ class Profiles:
         path_m = self.range_at(cell) - self._source.phase_range_m
         return math.fmod(2 * path_m / self.wavelength_m, 1.0)
 
-    def chunks(self, n_echoes: int, together: int, more_bytes: int = 0):
+    def chunks(self, n_echoes: int, together: int, more_bytes: int = 0) -> Iterator[slice]:
         """Slices of echoes, a multiple of `together`, whose polynomials fit the memory.
 
         `more_bytes` are what else an echo takes there.
@@ -144,7 +146,7 @@ class Profiles:
         step = max(echoes // together, 1) * together
         return (slice(lo, min(lo + step, n_echoes)) for lo in range(0, n_echoes, step))
 
-    def planes(self, samples):
+    def planes(self, samples: np.ndarray) -> np.ndarray:
         """Polynomial coefficients of some profiles.
 
         Parameters

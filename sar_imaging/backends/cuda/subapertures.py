@@ -66,7 +66,8 @@ class SubapertureImager:
         return self._beams.image_bytes * max(1, beams.n_weighed)
 
     @reports_failures
-    def image(self, number: int, block: PulseBlock, weights=None, out=None):
+    def image(self, number: int, block: PulseBlock, weights: np.ndarray | None = None,
+              out: np.ndarray | None = None) -> np.ndarray:
         """Backproject one sub-aperture, see `backends.protocol.SubapertureImager`."""
         plan = self.plan
         plan.check_block(number, block)
@@ -78,16 +79,19 @@ class SubapertureImager:
         return out
 
     @reports_failures
-    def project(self, samples, tx_m, rx_m, weights=None,
-                illumination: Illumination | tuple[AmplitudeNodes, ...] | None = None):
+    def project(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray,
+                weights: np.ndarray | None = None,
+                illumination: Illumination | tuple[AmplitudeNodes, ...] | None = None
+                ) -> np.ndarray:
         """The same of samples that may lie on the device, unchecked; see `project_all`."""
         return self.project_all(samples, tx_m, rx_m, [slice(0, len(samples))], weights,
                                 [illumination])[0]
 
     @reports_failures
-    def project_all(self, samples, tx_m, rx_m, pulses: Sequence[slice], weights=None,
+    def project_all(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray,
+                    pulses: Sequence[slice], weights: np.ndarray | None = None,
                     illuminations: Sequence[Illumination | tuple[AmplitudeNodes, ...] | None] = ()
-                    ):
+                    ) -> np.ndarray:
         """Images of some sub-apertures, in few launches where they come from beams.
 
         Parameters
@@ -126,8 +130,9 @@ class SubapertureImager:
                             illumination)
         return images
 
-    def _weighed(self, echoes, window, pieces: Sequence[slice], tx_m, rx_m,
-                 illuminations: Sequence[tuple[AmplitudeNodes, ...]]):
+    def _weighed(self, echoes: np.ndarray, window: np.ndarray, pieces: Sequence[slice],
+                 tx_m: np.ndarray, rx_m: np.ndarray,
+                 illuminations: Sequence[tuple[AmplitudeNodes, ...]]) -> np.ndarray:
         """Images from beams as sums of those that are weighed alike, such as each channel's."""
         n = self.plan.beams.n_weighed
         if n > 1:
@@ -179,7 +184,8 @@ class ApertureFusion:
 
     @reports_failures
     def polar_image(self, block: PulseBlock, weights: np.ndarray | None = None,
-                    brightness: EdgeBrightness | None = None, *, progress: bool = False):
+                    brightness: EdgeBrightness | None = None, *, progress: bool = False
+                    ) -> np.ndarray:
         """Image of an aperture, see `backends.protocol.ApertureFusion`."""
         plan, fusion, groups = self.plan, self._fusion, list(self.groups())
         fusion.clear()

@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from ...planning.exact.backprojection import BackprojectionPlan, LinePlan
 from ...planning.exact.points import ImagePoints, image_layers
 from ...planning.exact.polar_image import PolarPlan
 from . import arrays
+
+if TYPE_CHECKING:  # rows, bytes of one, in steps of how many, and the tiles of some
+    _Rows: TypeAlias = 'tuple[int, float, int, Callable[[slice], Iterator[Tile]]]'
 
 _SHARE = 0.5  # of the free memory, for a tile; polynomials and transforms take the rest
 _COORDINATE_BYTES, _LINE_BYTES = 8, 8 * 12  # of a point, and of the geometry of a segment
@@ -80,7 +84,7 @@ def whole(plan: BackprojectionPlan) -> Tile:
     return Tile(size, lambda image: image.reshape(size))
 
 
-def _lines(plan: BackprojectionPlan):
+def _lines(plan: BackprojectionPlan) -> _Rows:
     """Some lines of every layer."""
     lines, segment = plan.route.lines, plan.route.resampling.segment
     n_segments = -(-lines.n_pixels // segment)
@@ -100,7 +104,7 @@ def _lines(plan: BackprojectionPlan):
     return lines.n_lines, row_bytes, 1, tiles
 
 
-def _points(plan: BackprojectionPlan):
+def _points(plan: BackprojectionPlan) -> _Rows:
     """Some rows of tiles of every layer."""
     layers = image_layers(plan.grid)
     (n_rows, n_columns), height = layers[0].size, plan.route.tile[0]
@@ -118,7 +122,7 @@ def _points(plan: BackprojectionPlan):
     return n_rows, row_bytes, height, tiles
 
 
-def _strips(plan: BackprojectionPlan):
+def _strips(plan: BackprojectionPlan) -> _Rows:
     """Rows of a map, or columns where range follows y, with their lines of the polar image."""
     route, grid = plan.route, plan.grid
     n_y, n_x = grid.shape

@@ -13,6 +13,7 @@ import concurrent.futures
 import functools
 import math
 from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,6 +34,9 @@ from .arrays import (
     xp,
 )
 
+if TYPE_CHECKING:
+    from numpy.typing import DTypeLike
+
 _PIECE_BYTES = 1 << 25  # of an image or of samples: what is copied at once
 _THREADS, _LEAST_BYTES = 4, 1 << 20  # of the host; one alone has a part of the bus's rate
 
@@ -40,14 +44,14 @@ _THREADS, _LEAST_BYTES = 4, 1 << 20  # of the host; one alone has a part of the 
 class Copies:
     """A queue of copies beside the device's work; in the simulator each is made at once."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._queue = None if SIMULATED else _queue(xp.cuda.Device().id)
 
-    def mark(self):
+    def mark(self) -> Any:
         """What tells the end of all work that the device was given so far."""
         return None if SIMULATED else xp.cuda.get_current_stream().record()
 
-    def send(self, there, here, after):
+    def send(self, there: np.ndarray, here: np.ndarray, after: Any) -> Any:
         """Begin a copy of page-locked memory to the device, after a mark; returns its end."""
         if SIMULATED:
             there[...] = here
@@ -56,7 +60,7 @@ class Copies:
         there.set(here, stream=self._queue)
         return self._queue.record()
 
-    def fetch(self, here, there, after):
+    def fetch(self, here: np.ndarray, there: np.ndarray, after: Any) -> Any:
         """Begin a copy from the device to page-locked memory, after a mark; returns its end."""
         if SIMULATED:
             here[...] = there
@@ -65,19 +69,19 @@ class Copies:
         there.get(stream=self._queue, out=here, blocking=False)
         return self._queue.record()
 
-    def wait(self, end) -> None:
+    def wait(self, end: Any) -> None:
         """Have the work that the device is given next wait for the end of a copy."""
         if end is not None:
             xp.cuda.get_current_stream().wait_event(end)
 
-    def finish(self, end) -> None:
+    def finish(self, end: Any) -> None:
         """Wait for the end of a copy."""
         if end is not None:
             end.synchronize()
 
 
 @functools.cache
-def _queue(device: int):
+def _queue(device: int) -> Any:
     with xp.cuda.Device(device):
         return xp.cuda.Stream(non_blocking=True)
 
@@ -87,7 +91,7 @@ def _threads() -> concurrent.futures.ThreadPoolExecutor:
     return concurrent.futures.ThreadPoolExecutor(_THREADS, 'copies')
 
 
-def page_locked(shape: tuple[int, ...], dtype) -> np.ndarray:
+def page_locked(shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
     """Array of any contents in memory that the device reads and writes by itself."""
     if SIMULATED:
         return np.empty(shape, dtype)
@@ -96,8 +100,8 @@ def page_locked(shape: tuple[int, ...], dtype) -> np.ndarray:
     return np.frombuffer(memory, dtype, size).reshape(shape)
 
 
-def in_pieces(samples, pieces: Iterable[slice], copies: Copies | None = None
-              ) -> Iterator[tuple[slice, object]]:
+def in_pieces(samples: np.ndarray, pieces: Iterable[slice], copies: Copies | None = None
+              ) -> Iterator[tuple[slice, np.ndarray]]:
     """Samples piece by piece on the device, each copied while the one before is added.
 
     Parameters
@@ -148,7 +152,7 @@ def in_pieces(samples, pieces: Iterable[slice], copies: Copies | None = None
             copies.finish(end)
 
 
-def add_to_host(there, image: np.ndarray, copies: Copies | None = None,
+def add_to_host(there: np.ndarray, image: np.ndarray, copies: Copies | None = None,
                 n_bytes: int = _PIECE_BYTES) -> None:
     """Add an array of the device to one of the host.
 
@@ -191,7 +195,7 @@ def add_to_host(there, image: np.ndarray, copies: Copies | None = None,
 
 
 @reports_failures
-def to_host(array) -> np.ndarray:
+def to_host(array: np.ndarray) -> np.ndarray:
     """Copy of an array of the device in page-locked memory; one of the host as it is."""
     if SIMULATED or not on_device(array):
         return taken(array)
@@ -205,7 +209,8 @@ def _add(target: np.ndarray, source: np.ndarray) -> None:
     np.add(target, source, out=target)
 
 
-def _by_threads(work: Callable, target: np.ndarray, source: np.ndarray) -> None:
+def _by_threads(work: Callable[[np.ndarray, np.ndarray], None], target: np.ndarray,
+                source: np.ndarray) -> None:
     """Do `work` on equal parts of the first axis of two arrays, in some threads of the host."""
     n = min(_THREADS, len(target), target.nbytes // _LEAST_BYTES)
     if n < 2:
@@ -223,7 +228,7 @@ _COPIES = 6  # of a piece: samples as they came, transforms and their work space
 
 
 @reports_failures
-def to_device(samples):
+def to_device(samples: np.ndarray) -> Any:
     """Samples on the device, see `backends.samples.to_device`."""
     require_device()
     integers = samples.dtype.kind == 'i'
@@ -250,7 +255,7 @@ def compress(compressor: RangeCompressor, block: PulseBlock) -> PulseBlock:
     return compressor.compressed_block(block, given(out))
 
 
-def _room(shape: tuple[int, ...]):
+def _room(shape: tuple[int, ...]) -> np.ndarray:
     """Memory for complex64 samples of this shape.
 
     Raises
