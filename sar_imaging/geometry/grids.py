@@ -612,6 +612,21 @@ def as_grid(grid: Grid | ArrayLike, height_m: ArrayLike | None = None) -> Grid:
     return PointGrid(np.asarray(grid))
 
 
+def as_even(grid: Grid) -> MapGrid | PlaneGrid | VolumeGrid | None:
+    """A grid with equal steps as one of these: one's own as the plane or volume that it is.
+
+    None where steps are not equal, or along another number of axes.
+    """
+    if isinstance(grid, MapGrid | PlaneGrid | VolumeGrid):
+        return grid
+    if not isinstance(grid, EvenGrid):
+        return None
+    steps, counts = [tuple(step) for step in grid.steps_m[::-1]], grid.shape[::-1]
+    kinds: dict[int, type[PlaneGrid] | type[VolumeGrid]] = {2: PlaneGrid, 3: VolumeGrid}
+    kind: Any = kinds.get(len(counts))
+    return kind and kind(grid.origin_m, *steps, *counts)
+
+
 def _check_infinite(name: str, values: np.ndarray) -> None:
     if np.isinf(values).any():
         raise ValueError(f'{name} of {np.count_nonzero(np.isinf(values))} points is infinite; '

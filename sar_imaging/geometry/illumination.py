@@ -30,7 +30,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 import scipy
@@ -582,6 +582,7 @@ class AmplitudeSpread:
 NO_SPREAD = AmplitudeSpread(0.0)
 
 
+@final  # it is never false
 @dataclasses.dataclass(frozen=True, eq=False)
 class Illumination:
     """Two-way amplitude of echoes, one of each pulse and channel, towards any point.

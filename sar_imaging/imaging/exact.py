@@ -20,7 +20,7 @@ import numpy as np
 
 from .. import backends
 from ..device_arrays import contiguous, zeros_beside
-from ..geometry.grids import EvenGrid, MapGrid
+from ..geometry.grids import as_even
 from ..memory import IMAGE_BYTES
 from ..planning.exact.backprojection import (
     LEAST_TARGET_DB,
@@ -62,8 +62,7 @@ class Exact(Method):
         if not LEAST_TARGET_DB <= target_db <= -20.0:
             raise ValueError(f'target_db={target_db}; expected -100 to -20 dB, float32 '
                              'arithmetic reaches -100 dB')
-        self._pixels = (self.grid if isinstance(self.grid, MapGrid | EvenGrid)
-                        else ImagePoints.of_grid(self.grid))
+        self._pixels = as_even(self.grid) or ImagePoints.of_grid(self.grid)
         self._backend = backends.backend(self.options.backend)
         self._sum: Backprojection | None = None
         self._plan: BackprojectionPlan | None = None

@@ -166,6 +166,7 @@ def aliasing_error(n: int, n_guard: float, beta: float, frequency: ArrayLike,
     weight = edge / len(where) * share[None]
     group = np.zeros(n_samples, np.intp)
     if place is not None:
+        place = np.asarray(place)
         cell = n_guard + where * (n - 2 * n_guard)
         to_first, to_last = (np.sin(np.pi / n * (cell - taper)) ** 2
                              for taper in (n_guard / 2, n - n_guard / 2))
@@ -204,6 +205,7 @@ def density_at(where: np.ndarray, density: ArrayLike, beyond: float | None = Non
     `density`, (B,), tells it for equal shares of that; `beyond` is the value before the middle of
     the first and after that of the last, theirs if left out.
     """
+    density = np.asarray(density)
     middle = (np.arange(len(density)) + 0.5) / len(density)
     return np.interp(where, middle, density, beyond, beyond)
 

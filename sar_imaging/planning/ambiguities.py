@@ -10,7 +10,7 @@ at places as far away, so that several channels, passes, uneven steps and near r
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -141,7 +141,8 @@ def _apart(ends: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray) -> np.ndarray:
     distances over their sum keeps all digits that float32 has.
     """
     square, between = np.einsum('enk,enk->en', ends, ends), 2 * (ends[0] - ends[1]).T
-    single, found = [v.astype(np.float32) for v in (*square, *-2 * ends.swapaxes(1, 2))], 0.0
+    single = [v.astype(np.float32) for v in (*square, *-2 * ends.swapaxes(1, 2))]
+    found: Any = 0.0
     centres = (tx_m,) if np.array_equal(tx_m, rx_m) else (tx_m, rx_m)
     for centre in centres:
         own = np.einsum('rk,rk->r', centre, centre)[:, None].astype(np.float32)
@@ -175,6 +176,7 @@ def flight_warnings(place_m: np.ndarray, block: PulseBlock, pattern: AntennaPatt
     """
     if pattern is not None or block.n_pulses < 3:
         return ()
+    assert block.tx_m is not None and block.rx_m is not None
     radar, middle = block.radar, block.n_pulses // 2
     speed = radar.propagation_speed_m_per_s
     range_m = half_paths(block.tx_m[middle, :1], block.rx_m[middle, :1], place_m)[0].item()

@@ -22,7 +22,7 @@ from ..geometry.half_paths import pair_lengths
 from ..geometry.illumination import Illumination
 
 if TYPE_CHECKING:
-    from .profiles import RangeGate
+    from .profiles import PhaseHistory, RangeGate
 
 MOST_PAIRS = 1 << 17
 LEAST_DB = -160.0
@@ -96,7 +96,7 @@ class EchoPixels:
             points = positions(*index)
             amplitude = np.nan_to_num(illumination.of_pairs(echoes, points))
             some = amplitude > 0
-            n_illuminated += np.count_nonzero(some)
+            n_illuminated += int(np.count_nonzero(some))
             for axis, step in enumerate(beside):
                 for there in (s * step for s in _BESIDE if step):
                     dark = np.flatnonzero(~some)
@@ -145,8 +145,8 @@ class EchoPixels:
         """
         return bounded_ratio(weight * wrong, weight * self.amplitude ** 2)
 
-    def ends_db(self, window: RangeGate, oversampling: float, tx_m: np.ndarray, rx_m: np.ndarray
-                ) -> float:
+    def ends_db(self, window: RangeGate | PhaseHistory, oversampling: float, tx_m: np.ndarray,
+                rx_m: np.ndarray) -> float:
         """Error because profiles end, dB; NaN where they leave nothing `predictable`.
 
         Arguments as of `RangeGate.end_error` and `Echoes`.

@@ -230,10 +230,10 @@ class Interpolator:
             wanted = np.exp(1j * np.pi * np.outer(frequency, x))
         # From the middle of the interval taps lie in pairs, of opposite phase.
         step, half = np.exp(2j * np.pi * frequency), np.exp(1j * np.pi * frequency)
-        taps = [half]
+        after = [half]
         for _ in range(self.n_taps // 2 - 1):
-            taps.append(taps[-1] * step)
-        taps = np.stack([*np.conj(taps[::-1]), *taps], axis=-1)
+            after.append(after[-1] * step)
+        taps = np.stack([*np.conj(after[::-1]), *after], axis=-1)
         return _real_imag(taps) @ by_position, _real_imag(wanted)
 
 

@@ -12,7 +12,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -69,10 +69,14 @@ class Plan:
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other) and _same(self, other)
 
+    __hash__: ClassVar[None]  # type: ignore[assignment]  # as typeshed has it
     __hash__ = None
 
 
-def _same(a: object, b: object) -> bool:
+_BY_IDENTITY: Any = object.__eq__  # as of objects that tell nothing else
+
+
+def _same(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         return np.array_equal(a, b, equal_nan=np.asarray(a).dtype.kind in 'fc')
     if type(a) is not type(b):
@@ -83,6 +87,6 @@ def _same(a: object, b: object) -> bool:
         return len(a) == len(b) and all(map(_same, a, b))
     if dataclasses.is_dataclass(a):
         return all(_same(getattr(a, f.name), getattr(b, f.name)) for f in dataclasses.fields(a))
-    if type(a).__eq__ is object.__eq__ and hasattr(a, '__dict__'):
+    if type(a).__eq__ is _BY_IDENTITY and hasattr(a, '__dict__'):
         return _same(vars(a), vars(b))
     return a == b

@@ -137,13 +137,14 @@ def cover_map(grid: MapGrid, tx_m: np.ndarray, rx_m: np.ndarray, radar: RadarPar
         return None
     paths, spread = seen.paths, seen.spread
     extent = float(np.ptp(paths.of_illuminated(paths.length)))
-    ends = np.array(radar.wavenumbers_rad_per_m)
+    low, high = radar.wavenumbers_rad_per_m
     slopes = seen.along_line.min(), seen.along_line.max()
-    half_range = float(np.abs(np.multiply.outer(ends, slopes) - radar.wavenumber_rad_per_m).max())
-    half_alpha = float(np.abs(seen.by_alpha).max() * ends[1]) + math.sqrt(3) * spread.rms
+    half_range = float(np.abs(np.multiply.outer((low, high), slopes)
+                              - radar.wavenumber_rad_per_m).max())
+    half_alpha = float(np.abs(seen.by_alpha).max() * high) + math.sqrt(3) * spread.rms
     # of wavenumbers, some echoes and samples of the map
     some = echoes_for_means(len(tx_m))
-    k = np.linspace(*ends, _WAVENUMBERS)[:, None, None]
+    k = np.linspace(low, high, _WAVENUMBERS)[:, None, None]
     even = k * seen.by_alpha[some]
     along_range = k * seen.along_line[some] - radar.wavenumber_rad_per_m
     weight = echo_powers(tx_m, rx_m, grid.centre_m, grid.spacing_m * np.array(

@@ -17,7 +17,7 @@ import functools
 import itertools
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 import scipy.fft
@@ -267,7 +267,7 @@ class RangeGate:
         """
         given = round(self.radar.sample_rate_hz / self.radar.bandwidth_hz, 2)
         after = (np.asarray(range_m) - self.range_start_m) / self.radar.sample_spacing_m
-        error = 0.0
+        error: float | np.ndarray = 0.0
         for distance, taper in ((after + min(self.first, 0), self.n_rise),
                                 (self.n_samples - 1 - after, self.n_fall)):
             table = _end_errors(given, min(given, round(oversampling, 2)), taper)
@@ -301,13 +301,12 @@ class RangeGate:
         Of these pairs, (R, n ** n_axes), only those that are `illuminated` count, where that is
         given.
         """
-        if illuminated is None or not illuminated.any():
-            illuminated = np.bool_(True)
+        lit = np.bool_(True) if illuminated is None or not illuminated.any() else illuminated
         side = np.ones(round(range_m.shape[1] ** (1 / n_axes)))
         side[[0, -1]] = 0.5  # they stand for half as much of the image
         weight = functools.reduce(np.multiply.outer, [side] * n_axes).ravel()
-        known = self.predictable(range_m, illuminated) | ~illuminated
-        weight = weight * illuminated * known.all(axis=0)
+        known = self.predictable(range_m, lit) | ~lit
+        weight = weight * lit * known.all(axis=0)
         some = echoes_for_means(len(range_m))
         return mean_db(self.end_error(range_m[some], oversampling),
                        weight if weight.ndim == 1 else weight[some])
@@ -324,8 +323,8 @@ class RangeGate:
                 ).astype(np.float32)
 
 
-def error_near_ends_db(window: RangeGate, oversampling: float, tx_m: np.ndarray, rx_m: np.ndarray,
-                       points_m: np.ndarray) -> float:
+def error_near_ends_db(window: RangeGate | PhaseHistory, oversampling: float, tx_m: np.ndarray,
+                       rx_m: np.ndarray, points_m: np.ndarray) -> float:
     """Mean error because a window ends near pixels, dB; NaN where nothing can be told.
 
     Few corners of an image make it: of a hundred pixels all over it, none or too many lie there.
@@ -475,7 +474,7 @@ class RangeResampling:
         """Half-path distance between the range positions of neighbouring pixels, metres."""
         return self.step_m * self.n_phases
 
-    def operations(self, n_echoes: int, n_pixels: int) -> dict[str, float]:
+    def operations(self, n_echoes: float, n_pixels: float) -> dict[str, float]:
         """How often adding echoes to an image does the operations of `CostModel`."""
         counts: dict[str, float] = {
             'profile_bin': self.n_padded, 'profile_cell': self.n_cells * self.n_phases}
@@ -541,7 +540,8 @@ def plan_resampling(paths: Paths, spacing: float, n_line: int, radar: RadarParam
         spacing = cell / middle if fit_spacing else asked
         for segment in _SEGMENTS[_SEGMENTS.index(longest):]:  # the longer, the quicker
             resampling = _fitted(RangeResampling(n_padded, n_cells, phases, segment, cell / phases,
-                                                 spacing, None, math.inf, together),
+                                                 spacing, cast(Interpolator, None), math.inf,
+                                                 together),
                                  extremes, errors(together), radar, target_db)
             if resampling is None:
                 continue
@@ -665,17 +665,18 @@ def _commensurate(n_samples: int, spacing_m: float, pitch: float, phases: int, *
     the pitch, not larger, which leaves room for lengths whose transform is quick. Periodic samples
     are not padded.
     """
-    best = None
+    best = math.inf, 0, 0
     for length in [n_samples] if periodic else smooth_lengths(n_samples, _LONGER):
         ideal = length * spacing_m / pitch
         near = _FEW if periodic else 0  # one length has to do
-        candidates = range(max(math.floor(ideal) - near, 1), math.ceil(ideal) + near + 1)
+        candidates: Sequence[int] = range(max(math.floor(ideal) - near, 1),
+                                          math.ceil(ideal) + near + 1)
         if finer:
             candidates = [n // phases for n in smooth_lengths(
                 math.ceil(ideal) * phases, _FINER) if n % phases == 0] or candidates
         for cells in candidates:
             cost = (abs(cells / ideal - 1) + 1e-3 * (length / n_samples - 1)
                     + (_COST_TRANSFORM if finer else 1e-4) * cost_per_sample(cells * phases))
-            if best is None or cost < best[0]:
-                best = (cost, length, cells)
+            if cost < best[0]:
+                best = cost, length, cells
     return best[1:]

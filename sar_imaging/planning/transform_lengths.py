@@ -61,6 +61,12 @@ def radices_of(n: int) -> tuple[int, ...] | None:
     return min(choices, key=lambda radices: (len(radices), sum(radices)), default=None)
 
 
+def _n_passes(n: int) -> float:
+    """Number of `radices_of`; infinite where there are none."""
+    radices = radices_of(n)
+    return math.inf if radices is None else len(radices)
+
+
 @functools.lru_cache(maxsize=4096)
 def row_length(least: int, times: tuple[int, ...] = (1,)) -> int:
     """Length for the own transform of rows: `least`, or a few percent longer at most.
@@ -69,10 +75,11 @@ def row_length(least: int, times: tuple[int, ...] = (1,)) -> int:
     are wanted as well are as quick.
     """
     def cost(n: int) -> float:
-        return n * sum(t * (_COST_ROW + _row_cost(*row_shape(t * n))) for t in times)
+        shapes = (row_shape(t * n) for t in times)
+        return n * sum(t * (_COST_ROW + (math.inf if shape is None else _row_cost(*shape)))
+                       for t, shape in zip(times, shapes, strict=True))
 
-    lengths = [n for n in smooth_lengths(least, _LONGER_ROW)
-               if all(row_shape(t * n) is not None for t in times)]
+    lengths = [n for n in smooth_lengths(least, _LONGER_ROW) if cost(n) < math.inf]
     return min(lengths, key=cost, default=quick_length(least))
 
 
@@ -88,7 +95,7 @@ def row_shape(n: int) -> tuple[int, int] | None:
 def _row_cost(height: int, width: int) -> float:
     """Of a transform, in passes through all samples; little more where the matrix is long."""
     columns, lines = (-(-n // VECTOR) * VECTOR / n for n in (width, height))
-    return (columns * len(radices_of(height))
-            + lines * (len(radices_of(width)) + _COST_TRANSPOSITION)
+    return (columns * _n_passes(height)
+            + lines * (_n_passes(width) + _COST_TRANSPOSITION)
             + _COST_UNALIGNED * ((height % _BLOCK != 0) + (width % _BLOCK != 0))
             + abs(height - width) / (height + width))

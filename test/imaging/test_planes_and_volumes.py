@@ -244,6 +244,37 @@ def test_terrain_and_points_are_grids_too(make_case):
         plan_image(AIRCRAFT.grid, radar, n, height_m=heights)
 
 
+class OwnGrid:
+    """What a user may write of a grid with equal steps."""
+
+    def __init__(self, grid):
+        self.origin_m, self.steps_m, self.shape = grid.origin_m, grid.steps_m, grid.shape
+        self._grid = grid
+
+    def positions(self, *index):
+        return self._grid.positions(*index)
+
+    def points(self):
+        return self._grid.points()
+
+
+@pytest.mark.parametrize('scene', [MAST, RAIL, ROOM, BESIDE])
+def test_an_own_grid_with_equal_steps_is_the_plane_or_volume_that_it_is(scene):
+    """Where points are the quickest it was asked for what PlaneGrid alone has, and failed."""
+    block, own = scene.block(scene.random_points(3)), OwnGrid(scene.grid)
+    image = exact_image(own, block)
+    np.testing.assert_array_equal(image, exact_image(scene.grid, block))
+
+
+def test_an_own_line_of_pixels_is_imaged_point_by_point():
+    block, grid = RAIL.block(RAIL.random_points(3)), OwnGrid(RAIL.grid)
+    grid.steps_m, grid.shape = grid.steps_m[1:], grid.shape[1:]
+    grid.positions = lambda column: RAIL.grid.positions(0, column)
+    grid.points = lambda: RAIL.grid.points()[0]
+    np.testing.assert_array_equal(exact_image(grid, block),
+                                  exact_image(PointGrid(RAIL.grid.points()[0]), block))
+
+
 def test_positions_of_oblique_grids_are_part_of_the_memory():
     for scene, bytes_per_pixel in ((RAIL, 0), (ROOM, 0), (OBLIQUE, 24)):
         block, shape = scene.block(scene.random_points(3)), scene.grid.shape

@@ -49,6 +49,13 @@ def test_tones_err_as_told_whatever_their_share_of_a_bin(n, guard, beta, within_
     assert math.sqrt(np.mean(off ** 2)) < within_db  # measured: 0.1, 0.3, 0.6, 1.9
 
 
+def test_places_and_densities_may_be_lists():
+    n, guard, beta, place, density = 84, 8.9, 3.75, [0.0, 0.5, 1.0], [0.5, 1.5]
+    frequency = [[20.0, 24.0, 28.0]]
+    assert aliasing_error(n, guard, beta, frequency, place, density).tolist() == aliasing_error(
+        n, guard, beta, np.array(frequency), np.array(place), np.array(density)).tolist()
+
+
 @pytest.mark.parametrize(('first', 'last'), [(0.68, 0.81), (0.5, 0.8), (0.3, 0.8)])
 def test_chirps_err_by_their_frequencies_at_the_guards(first, last):
     """Tapers widen the spectrum: the middle of a near scene errs by what its edges do.

@@ -219,8 +219,8 @@ class BeamGeometry:
 
     polar: PolarGrid
     centre_m: np.ndarray
-    range_m: float
-    direction: tuple[float, float]
+    range_m: Any  # float, or (V,) float64, and so are the next two
+    direction: tuple[Any, Any]
 
     @classmethod
     def of(cls, polar: PolarGrid, edges: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray
@@ -246,12 +246,12 @@ class BeamGeometry:
         return None if steep else cls(polar, centre, range_m, (low, high))
 
     @property
-    def height_m(self) -> float:
+    def height_m(self) -> Any:
         """Height of the middle above the plane, metres."""
         return self.centre_m[..., 2] - self.polar.z_m
 
     @property
-    def known(self) -> tuple[float, float]:
+    def known(self) -> tuple[Any, Any]:
         """Extremes of the directions in which the plane lies well within sight."""
         (low, high), height = self.direction, self.height_m / self.range_m
         margin, clear = _MARGIN * (high - low), _CLEAR * np.sqrt(1 - height ** 2)
@@ -611,7 +611,7 @@ def plan_beams(polar: PolarGrid, radar: RadarParameters, resampling: RangeResamp
     furthest = int(np.abs(slope).max(axis=(0, 2)).argmax())
     hopeful = errors(useful, slice(furthest, furthest + 1)) <= _ROUNDED * 10 ** (target_db / 10)
     least = bisect.bisect_left(range(len(useful)), True, key=lambda n: any(
-        errors_db(useful[n], group).min() <= target_db
+        errors_db(int(useful[n]), group).min() <= target_db
         for group in reversed(range(len(_GROUPS))) if hopeful[n, group].any()))
     hopeful[:least] = False
     places = np.flatnonzero(hopeful)
@@ -686,12 +686,12 @@ def _seen_from_middles(polar: PolarGrid, subapertures: Sequence[tuple[np.ndarray
     k = radar.wavenumber_rad_per_m
     nearer = (1 - direction ** 2) * (1 / length - 1 / beams.range_m[:, None]) / 2
     bend = at_places ** 2 * nearer[..., None]
-    whole = pair_lengths(*(c.reshape(-1, 3) for c in (tx, rx)), lines[0][None])
+    whole = pair_lengths(tx.reshape(-1, 3), rx.reshape(-1, 3), lines[0][None])
     missed = (whole.reshape(*tx.shape[:2], -1).swapaxes(1, 2) - length[..., None] - path - bend)
     error = (k * np.abs(missed) + (k * bend) ** 2 / 2
              + k * np.abs(bend) * (radar.bandwidth_hz / radar.carrier_hz / math.sqrt(12)))
+    d2, d4, s1, s2 = (float(np.abs(d).max()) for d in (by_range[1], by_range[3], first, second))
     return _Views(beams, (tx, rx), float(rms_of_echoes(error.swapaxes(0, 1))),
                   unevenness(slope[:, [0, -1]]), slope.swapaxes(0, 1),
                   curvature[:, n:].swapaxes(0, 1),
-                  ((float(by_range[0].min()), float(by_range[0].max())), *(
-                      float(np.abs(d).max()) for d in (by_range[1], by_range[3], first, second))))
+                  ((float(by_range[0].min()), float(by_range[0].max())), d2, d4, s1, s2))

@@ -15,7 +15,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, final
 
 import numpy as np
 
@@ -38,6 +38,7 @@ _PAIRS = 1 << 14  # at which a sub-aperture is looked at while pulses arrive
 _LOOKED_AT = 9  # directions and ranges, to tell which sub-apertures see the grid
 
 
+@final
 @dataclasses.dataclass(frozen=True, eq=False)
 class SubapertureAmplitudes:
     """How the images of a plan's sub-apertures are weighed.
@@ -89,7 +90,8 @@ class SubapertureAmplitudes:
             wrong = found.power * 10 ** (self.predicted_error_db / 10)
         else:
             wrong = found.share * found.mean_square([slice(0, len(tx_m))], self.by_channel)
-        return tuple(v / max(self.power, _LEAST) for v in (found.power, wrong))
+        planned = max(self.power, _LEAST)
+        return found.power / planned, wrong / planned
 
 
 class AmplitudeNodes(NamedTuple):
@@ -114,6 +116,7 @@ def amplitude_nodes(pattern: AntennaPattern, block: PulseBlock, n_weighed: int
 
     All channels together are seen from their mean phase centre.
     """
+    assert block.tx_m is not None and block.rx_m is not None  # as was checked
     nodes = node_pulses(block.n_pulses)
     tx_m, rx_m = block.tx_m[nodes], block.rx_m[nodes]
     if n_weighed == 1:
@@ -150,6 +153,7 @@ def parabola(place: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return y[0] - x[0] * (b + c * x[0]), b, c
 
 
+@final
 class AmplitudeError:
     """Predicted error of parabolas over sub-apertures of any length, from random lit pairs.
 
@@ -235,15 +239,15 @@ class AmplitudeError:
                                                      10 * math.log10(error + _LEAST),
                                                      beams.n_weighed > 1)
         starts = tuple(p.start * n_channels for p in pulses)
-        resampling, lines, _ = plan_weighed_segments(
+        fitted, lines, _ = plan_weighed_segments(
             illumination, ImageLines.of_polar(coarse),
             Echoes(self._tx_m.reshape(-1, 3), self._rx_m.reshape(-1, 3), starts, self._radar),
             resampling, max(resampling.predicted_error_db, self._images_db), self.budget_db)
-        if lines is None:
+        if fitted is None or lines is None:
             raise ValueError('amplitudes change too much from pixel to pixel of the sub-aperture '
                              'images; use exact backprojection')
-        return resampling, SubapertureAmplitudes(illumination, seen, lines, self.power,
-                                                 lines.predicted_error_db)
+        return fitted, SubapertureAmplitudes(illumination, seen, lines, self.power,
+                                             lines.predicted_error_db)
 
     def error(self, pulses: Sequence[slice], by_channel: bool = False) -> float:
         """Mean square relative to the power of the image; `pulses` are the sub-apertures'."""
@@ -262,8 +266,8 @@ class AmplitudeError:
         """(n,) of errors and of amplitudes, and of which echoes."""
         starts = np.array([p.start for p in pulses])
         stops = np.array([p.stop for p in pulses])
-        pulses, channel = np.divmod(self._echoes, self._n_channels)
-        which = np.searchsorted(starts, pulses, 'right') - 1
+        number, channel = np.divmod(self._echoes, self._n_channels)
+        which = np.searchsorted(starts, number, 'right') - 1
         start, length = starts[which], stops[which] - starts[which]
         # any pulse of a sub-aperture of which one lights the point
         pulse = start + np.random.default_rng(3).integers(0, length)

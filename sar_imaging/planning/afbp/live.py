@@ -86,7 +86,7 @@ def ends_db(cover: PolarCover, polar: PolarGrid, tx_m: np.ndarray, rx_m: np.ndar
 
 def _of_some_echoes(cover: PolarCover, polar: PolarGrid, tx_m: np.ndarray, rx_m: np.ndarray,
                     illumination: Illumination | None
-                    ) -> tuple[list[np.ndarray], tuple[np.ndarray, np.ndarray],
+                    ) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray],
                                tuple[np.ndarray, ...], Paths]:
     """Of samples of the map, seen by echoes of some pulses.
 
@@ -97,7 +97,7 @@ def _of_some_echoes(cover: PolarCover, polar: PolarGrid, tx_m: np.ndarray, rx_m:
     if illumination is not None:
         number = np.arange(len(illumination.centre_m)).reshape(len(tx_m), -1)
         illumination = illumination.select(number[::step].ravel())
-    centres = [c[::step].reshape(-1, 3) for c in (tx_m, rx_m)]
+    centres = tx_m[::step].reshape(-1, 3), rx_m[::step].reshape(-1, 3)
     place = polar.from_map(*(v.ravel() for v in np.meshgrid(*(
         np.linspace(v[0], v[-1], _SAMPLES_PER_SIDE) for v in (cover.grid.x_m, cover.grid.y_m)))))
     lines = polar.lines(*place)
@@ -146,7 +146,8 @@ class LivePlan(AfbpPlan):
                 f'{fusion.polar.n_range}')
 
     def check(self, tx_m: np.ndarray, rx_m: np.ndarray, illumination: Illumination | None = None,
-              window: Sequence[np.ndarray] | None = None) -> tuple[float, float, float] | None:
+              window: tuple[np.ndarray, np.ndarray] | None = None
+              ) -> tuple[float, float, float] | None:
         """Middle of the band of a sub-aperture, metres, its error on the map and its power, dB.
 
         As `SubaperturePlan.check`, from its real phase centres, (P, C, 3) float64, metres. None
@@ -166,15 +167,17 @@ class LivePlan(AfbpPlan):
             return None
         worst_db, power_db = error_db, 0.0
         if illumination is not None:
-            power, weighing = plan.amplitudes.of_subaperture(plan.polar, plan.radar, tx_m, rx_m,
+            amplitudes = plan.amplitudes
+            assert amplitudes is not None  # planned with illumination
+            power, weighing = amplitudes.of_subaperture(plan.polar, plan.radar, tx_m, rx_m,
                                                              illumination)
             amplitudes_db, power_db = (10 * math.log10(v + _LEAST) for v in (weighing, power))
-            if plan.amplitudes.lines is not None:  # between nodes they err at least as planned
-                amplitudes_db = max(amplitudes_db, power_db + plan.amplitudes.predicted_error_db)
+            if amplitudes.lines is not None:  # between nodes they err at least as planned
+                amplitudes_db = max(amplitudes_db, power_db + amplitudes.predicted_error_db)
             # The brightest may err more. Of sub-apertures of a length that was asked for,
             # amplitudes may err as planned.
             worst_db = max(error_db + min(power_db, 0.0), min(
-                amplitudes_db, amplitudes_db - plan.amplitudes.predicted_error_db
+                amplitudes_db, amplitudes_db - amplitudes.predicted_error_db
                 + self.limit_db - _UNLIKE_DB))
             error_db = total_db(error_db + power_db, amplitudes_db)
             reading += power_db
@@ -241,13 +244,14 @@ def plan_live(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m: np.nd
         cover = dataclasses.replace(cover, between_db=_windows_db(
             plan.polar, radar, tx_m, rx_m, n_window, cover.between))
     # Where bands end, sub-apertures that are flown as foreseen err more than their mean, too.
-    parts = plan.sampling.pulses[::math.ceil(len(plan.sampling.pulses) / _PARTS)]
+    parts: Sequence[slice] = plan.sampling.pulses[::math.ceil(len(plan.sampling.pulses) / _PARTS)]
     parts = (*parts, plan.sampling.pulses[-1]) if not n_window else [
         slice(first, first + n_window) for first in _first_of_windows(len(tx_m) - n_window)]
     worst_db = max(cover.polar_to_map_db, *(
         reading_db(cover, plan.polar, tx_m[part], rx_m[part], centred=bool(n_window))
         for part in parts))
-    reading_limit_db = max(remaining_db(target_db, plan.predicted_error_db), worst_db)
+    reading_limit_db = max(remaining_db(target_db, total_db(*plan.errors_db.values())),
+                           worst_db)
     return LivePlan.of(grid, tx_m, rx_m, plan, cover, length=length,
                        limit_db=polar_db if slack else math.inf, map_cover=cover,
                        reading_limit_db=reading_limit_db if slack else math.inf)

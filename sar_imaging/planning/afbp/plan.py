@@ -8,7 +8,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from .subapertures import SubaperturePlan, plan_subapertures
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+_P = TypeVar('_P', bound='AfbpPlan')
 _LEAST_DB, _MOST_DB = -90.0, -20.0  # targets
 # Times as long as exact backprojection point by point: steep and wide apertures fill so wide a
 # band along range that a sub-aperture image has hundreds of times as many pixels as the map
@@ -72,8 +73,8 @@ class AfbpPlan(Plan):
         return str(self.subapertures)
 
     @classmethod
-    def of(cls, grid: MapGrid | PolarGrid, tx_m: np.ndarray, rx_m: np.ndarray,
-           plan: SubaperturePlan, cover: PolarCover | None, **more: Any) -> AfbpPlan:
+    def of(cls: type[_P], grid: MapGrid | PolarGrid, tx_m: np.ndarray, rx_m: np.ndarray,
+           plan: SubaperturePlan, cover: PolarCover | None, **more: Any) -> _P:
         """Plan of an image from that of the sub-apertures of its polar image.
 
         `cover` tells how a map is made from that; None for a polar grid. The other arguments are
@@ -126,11 +127,13 @@ def plan_afbp(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samples: int,
         raise ValueError(f'weighting={weighting!r} is for phase histories (compressed=False); '
                          'profiles are weighted by range compression')
     band = None if compressed else PhaseHistory(radar, n_samples, weighting)
-    polar, cover = grid, None
+    cover: PolarCover | None = None
     if isinstance(grid, MapGrid):
         cover, target_db = cover_for_fusion(grid, tx_m, rx_m, radar, n_samples, target_db, band,
                                             illumination=illumination)
         polar = cover.polar
+    else:
+        polar = grid
     plan = plan_subapertures(polar, radar, n_samples, tx_m, rx_m, target_db=target_db, cover=cover,
                              pulses_per_subaperture=pulses_per_subaperture, band=band,
                              illumination=illumination)
@@ -161,8 +164,9 @@ def _check_seconds(seconds: float, n_pairs: int) -> None:
 def _operations(grid: MapGrid | PolarGrid, plan: SubaperturePlan) -> dict[str, float]:
     n_echoes = plan.n_channels * sum(p.stop - p.start for p in plan.sampling.pulses)
     seen = plan.n_subapertures if plan.amplitudes is None else len(plan.amplitudes.seen)
-    counts = {'image': 1 + seen,
-              'map_pixel': grid.n_x * grid.n_y if isinstance(grid, MapGrid) else 0}
+    counts: dict[str, float] = {
+        'image': 1 + seen,
+        'map_pixel': grid.n_x * grid.n_y if isinstance(grid, MapGrid) else 0}
     n_echoes = n_echoes * seen / plan.n_subapertures
     counts |= plan.image_operations(n_echoes, seen)
     return counts | plan.fusion_grid.operations(seen)

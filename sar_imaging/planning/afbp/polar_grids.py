@@ -245,19 +245,19 @@ def cover_for_fusion(grid: MapGrid, tx_m: np.ndarray, rx_m: np.ndarray, radar: R
         The map is tiny, too near, all around, or not ahead of the aperture.
     """
     step = max(1, len(tx_m) // _ECHOES)
-    echoes = [np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m)]
+    tx, rx = (np.concatenate([a[:-1:step], a[-1:]]).reshape(-1, 3) for a in (tx_m, rx_m))
     radar = radar if band is None else band.radar
     map_db = error_budget(target_db, shares)['polar to map'] - PASSES_DB
 
     def cover_of(error_db: float, pulses: Illumination | None = None) -> PolarCover | None:
-        return cover_map(grid, *echoes, radar, n_samples, error_db, min(target_db - 10.0, -50.0),
+        return cover_map(grid, tx, rx, radar, n_samples, error_db, min(target_db - 10.0, -50.0),
                          band, fused=True, illumination=pulses)
 
     if illumination is not None:
         number = np.arange(len(illumination.centre_m)).reshape(len(tx_m), -1)
         illumination = illumination.select(np.concatenate(
             [number[:-1:step], number[-1:]]).ravel())
-    cover = _weighed_cover(cover_of, map_db, *echoes, radar, illumination) if illumination else (
+    cover = _weighed_cover(cover_of, map_db, tx, rx, radar, illumination) if illumination else (
         cover_of(map_db))
     if cover is None:
         raise ValueError('the map is too small, too near, around or beside the aperture for a '

@@ -620,8 +620,10 @@ class SubapertureCost:
         if n_weighed is None:
             return None
         # of echoes that share an image
-        cuts = [tuple(c[pulses[i], number % n:: n].reshape(-1, 3) for c in (self.tx_m, self.rx_m))
-                for number, i in enumerate(self._for_beams(pulses)) for n in [max(1, n_weighed)]]
+        n = max(1, n_weighed)
+        cuts = [(self.tx_m[pulses[i], number % n::n].reshape(-1, 3),
+                 self.rx_m[pulses[i], number % n::n].reshape(-1, 3))
+                for number, i in enumerate(self._for_beams(pulses))]
         beams = plan_beams(self.grid, self.radar, self.resampling, cuts, self.target_db,
                            self.reach_m, self.padding_m)
         return beams and dataclasses.replace(beams, n_weighed=n_weighed)
@@ -718,6 +720,7 @@ class SubaperturePlan(Plan):
         """Of the echoes of a sub-aperture's pulses; None where all pixels are lit alike."""
         if self.amplitudes is None:
             return None
+        assert block.tx_m is not None and block.rx_m is not None  # as was checked
         known = self.amplitudes.illumination
         return Illumination.of_pulses(known.pattern, block.pointing, block.tx_m, block.rx_m,
                                       foreseen=known.foreseen)
@@ -742,7 +745,7 @@ class SubaperturePlan(Plan):
             return resampling.operations(n_echoes, n_pixels)
         span = coarse.n_alpha * coarse.alpha_spacing
         counts = beams.operations(n_echoes, resampling, n_pixels, span, n_images)
-        if beams.n_weighed:
+        if beams.n_weighed and self.amplitudes is not None:
             counts['amplitude_node'] = counts['weighed_image'] * self.amplitudes.n_nodes(
                 coarse, beams.segment)
         relative_bandwidth = (n_bins * self.radar.wavelength_m
@@ -859,10 +862,11 @@ class _Planner:
     def plan(self, given: RadarParameters, length: int | None, cover: PolarCover | None
              ) -> SubaperturePlan:
         polar, radar, tx_m, rx_m = self.polar, self.radar, self.tx_m, self.rx_m
-        ratio, oversampling = ((1, 1), ()) if cover is None else (cover.ratio, cover.oversampling)
+        ratio, along_range, along_alpha = ((1, 1), 1.0, 1.0) if cover is None else (
+            cover.ratio, *cover.oversampling)
         # neighbouring echoes in groups, since they are added together
         step = max(1, tx_m[..., 0].size // _ROWS_FOR_PATHS)
-        paths = sample_paths(*(c.reshape(-1, 3)[::step] for c in (tx_m, rx_m)),
+        paths = sample_paths(tx_m.reshape(-1, 3)[::step], rx_m.reshape(-1, 3)[::step],
                              polar.lines(*polar.sampled(_SAMPLES_PER_SIDE, _SAMPLES_PER_SIDE)))
         if self.illumination is not None:
             paths = self.illumination.select(slice(None, None, step)).of_paths(
@@ -878,7 +882,7 @@ class _Planner:
             paths, usual.range_spacing_m, self.n_samples)
         first_stage = self._cost(usual, resampling, bands.range_m, weighing)
         lengths, left_db = (length,) if length else LENGTHS, self.target_db - _MARGIN_DB
-        if bands.spread.rms > 0:  # amplitudes differ
+        if weighing is not None and bands.spread.rms > 0:  # amplitudes differ
             left_db = remaining_db(left_db, weighing.budget_db)
         search = SamplingSearch(polar, bands, tx_m, rx_m, lengths,
                                 remaining_db(left_db, self._profiles_db), self.coverage, ratio)
@@ -890,8 +894,9 @@ class _Planner:
                     f'target_db={self.target_db:g} on this polar grid; ask for less, image a '
                     'smaller scene, or use exact backprojection')
             grid = UnifiedPolarGrids(
-                *vars(sampling.sizes).values(), bands.half_range, radar.carrier_hz,
-                *(oversampling or (1.0, 1.0)), radar.propagation_speed_m_per_s)
+                **vars(sampling.sizes), half_range=bands.half_range, carrier_hz=radar.carrier_hz,
+                range_oversampling=along_range, alpha_oversampling=along_alpha,
+                propagation_speed_m_per_s=radar.propagation_speed_m_per_s)
             range_m = _bounds(grid.coarse, tx_m, rx_m)
             source = self.band or RangeGate.around(radar, self.n_samples, range_m, _PADDING)
             # echoes of one sub-aperture share phases, never those of two

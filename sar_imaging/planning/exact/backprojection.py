@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from ...geometry.grids import EvenGrid, MapGrid, even_positions
+from ...geometry.grids import EvenGrid, MapGrid, PlaneGrid, VolumeGrid, even_positions
 from ...geometry.half_paths import Paths, half_paths, sample_paths
 from ...signal.radar import RadarParameters
 from ..ambiguities import azimuth_warnings
@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from .illumination import LineAmplitudes
     from .polar_image import PolarPlan
 
+    _Even: TypeAlias = MapGrid | PlaneGrid | VolumeGrid
     _Route: TypeAlias = 'GroupPlan | PolarPlan | LinePlan | PointPlan'
 
 _SAMPLES_PER_SIDE = {2: 5, 3: 3}  # grid positions at which the geometry is bounded, by axes
@@ -93,16 +94,17 @@ class GridLines:
         shape = (1,) * (3 - n_axes) + grid.shape
         steps = np.concatenate([np.zeros((3 - n_axes, 3)), grid.steps_m])
         axes = range(3 - n_axes, 3)
-        length, *by_axis = half_paths(tx_m, rx_m, points, *(
+        length, *found = half_paths(tx_m, rx_m, points, *(
             np.broadcast_to(steps[a], points.shape) for a in axes))
-        by_axis = dict(zip(axes, by_axis, strict=True))
+        by_axis = dict(zip(axes, found, strict=True))
         lit = None if illumination is None else illumination.lights(points)
         slopes = by_axis if lit is None else {a: s[lit] for a, s in by_axis.items()}
         least = {a: np.abs(s).min() if s.min() > 0 or s.max() < 0 else -1.0
                  for a, s in slopes.items()}
-        axis = max(reversed(axes), key=least.get)  # the last one, where they are alike
-        forward, ends = bool(slopes[axis].mean() >= 0), (slopes[axis].min(), slopes[axis].max())
-        self.slopes = tuple(map(float, ends if forward else (-ends[1], -ends[0])))
+        axis = max(reversed(axes), key=least.__getitem__)  # the last one, where they are alike
+        forward = bool(slopes[axis].mean() >= 0)
+        low, high = float(slopes[axis].min()), float(slopes[axis].max())
+        self.slopes = (low, high) if forward else (-high, -low)
         self.n_pixels = shape[axis]
         self._points, self._sides = points, (steps * np.array(shape)[:, None])[-2:]
         may = illumination and illumination.may_light(points, (n,) * n_axes)
@@ -181,12 +183,13 @@ class LinePlan(Plan):
 
     method = 'lines'
 
-    def operations(self, grid: EvenGrid, n_echoes: int) -> dict[str, float]:
+    def operations(self, grid: EvenGrid | ImagePoints, n_echoes: int) -> dict[str, float]:
         """How often the operations of `CostModel` are done."""
         share = 1.0 if self.amplitudes is None else self.amplitudes.share
-        return {'image': 1} | self.resampling.operations(n_echoes, math.prod(grid.shape) * share)
+        return {'image': 1,
+                **self.resampling.operations(n_echoes, math.prod(grid.shape) * share)}
 
-    def n_bytes(self, grid: EvenGrid) -> int:
+    def n_bytes(self, grid: EvenGrid | ImagePoints) -> int:
         """Memory that adding the echoes takes besides the image, bytes."""
         return 0 if self.amplitudes is None else self.amplitudes.n_bytes(
             self.lines.n_lines, self.lines.n_pixels, self.resampling.segment,
@@ -210,7 +213,7 @@ class BackprojectionPlan(Plan):
         Illumination of the echoes; None where they light all pixels alike.
     """
 
-    grid: EvenGrid | ImagePoints
+    grid: _Even | ImagePoints
     radar: RadarParameters
     tx_m: np.ndarray
     rx_m: np.ndarray
@@ -267,7 +270,7 @@ class BackprojectionPlan(Plan):
         return str(self.route)
 
 
-def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_samples: int,
+def plan_backprojection(grid: _Even | ImagePoints, radar: RadarParameters, n_samples: int,
                         tx_m: np.ndarray, rx_m: np.ndarray, target_db: float,
                         illumination: Illumination | None = None, *, groups: bool = False,
                         before: BackprojectionPlan | None = None, band: PhaseHistory | None = None
@@ -289,8 +292,8 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
     asked_db = target_db
     target_db = max(target_db - _CHANCE_DB - _LIT_DB * (illumination is not None),
                     LEAST_TARGET_DB)
-    is_points = isinstance(grid, ImagePoints)
-    if is_points:
+    route: _Route
+    if isinstance(grid, ImagePoints):
         range_m = grid.bounds(tx_m, rx_m)
         _check_reach(range_m, radar, n_samples, band)
         window = band or RangeGate.around(radar, n_samples, range_m)
@@ -298,12 +301,14 @@ def plan_backprojection(grid: EvenGrid | ImagePoints, radar: RadarParameters, n_
                             illumination=illumination)
     else:
         range_m, route = _route_to_grid(grid, radar, n_samples, tx_m, rx_m, target_db,
-                                        illumination, groups, before and before.route, band)
+                                        illumination, groups,
+                                        None if before is None else before.route, band)
     near = 10 ** (target_db / 10) < route.window.end_error(np.array(range_m)).max()
     if near and illumination is None:
         route = _with_ends(route, grid, radar, tx_m, rx_m)
-    some = grid.some() if is_points else some_pixels(grid)
-    (start, stop), beyond = covered_ranges(radar, n_samples), ()
+    some = grid.some() if isinstance(grid, ImagePoints) else some_pixels(grid)
+    start, stop = covered_ranges(radar, n_samples)
+    beyond: tuple[str, ...] = ()
     if band is None and (range_m[0] < start or stop < range_m[1]):
         beyond = reach_warnings(some, tx_m, rx_m, radar, n_samples, illumination)
     if near and not beyond:
@@ -321,7 +326,7 @@ def _check_reach(range_m: tuple[float, float], radar: RadarParameters, n_samples
         band.check_period(range_m)
 
 
-def _with_ends(route: _Route, grid: EvenGrid | ImagePoints, radar: RadarParameters,
+def _with_ends(route: _Route, grid: _Even | ImagePoints, radar: RadarParameters,
                tx_m: np.ndarray, rx_m: np.ndarray) -> _Route:
     """A route with the error that ends of profiles make, told by thousands of pixels."""
     n = _PIXELS_NEAR_ENDS
@@ -332,7 +337,7 @@ def _with_ends(route: _Route, grid: EvenGrid | ImagePoints, radar: RadarParamete
     return dataclasses.replace(route, errors_db={**route.errors_db, 'ends of profiles': ends_db})
 
 
-def _route_to_grid(grid: EvenGrid, radar: RadarParameters, n_samples: int, tx_m: np.ndarray,
+def _route_to_grid(grid: _Even, radar: RadarParameters, n_samples: int, tx_m: np.ndarray,
                    rx_m: np.ndarray, target_db: float, illumination: Illumination | None,
                    groups: bool, before: _Route | None, band: PhaseHistory | None
                    ) -> tuple[tuple[float, float], _Route]:
@@ -347,7 +352,7 @@ def _route_to_grid(grid: EvenGrid, radar: RadarParameters, n_samples: int, tx_m:
     routes: list[tuple[float, Callable[[], _Route | None]]] = [
         (least, lambda: _plan_lines(lines, radar, window, tx_m, rx_m, len(grid.shape), target_db,
                                     illumination))]
-    if groups:
+    if groups and isinstance(grid, MapGrid):
         routes.append((costs().grouped_pixel, lambda: plan_groups(
             grid, radar, n_samples, tx_m, rx_m, lines.range_m, target_db,
             before=before if isinstance(before, GroupPlan) else None, band=band)))
@@ -356,7 +361,8 @@ def _route_to_grid(grid: EvenGrid, radar: RadarParameters, n_samples: int, tx_m:
 
         routes.append((costs().map_pixel, lambda: plan_polar(
             grid, tx_m, rx_m, radar, n_samples, target_db, illumination, band)))
-    route, cost = None, costs().point_pixel * len(tx_m)
+    route: _Route | None = None
+    cost = costs().point_pixel * len(tx_m)
     if groups:  # small maps near the antenna: the profiles of other routes may take most of it
         cost = costs().nanoseconds(point_operations(
             grid, window, len(tx_m), target_db)) / math.prod(grid.shape)
@@ -364,8 +370,9 @@ def _route_to_grid(grid: EvenGrid, radar: RadarParameters, n_samples: int, tx_m:
         found = plan() if least < cost else None
         if found is None:
             continue
-        needed = found.cost if not groups else costs().nanoseconds(
-            found.operations(grid, len(tx_m))) / math.prod(grid.shape)
+        needed = costs().nanoseconds(
+            found.operations(grid, len(tx_m))) / math.prod(grid.shape) if groups or isinstance(
+                found, GroupPlan) else found.cost
         if needed < cost and (
                 illumination is None or found.method != 'polar'
                 or total_db(*found.errors_db.values()) <= target_db):

@@ -19,7 +19,7 @@ smooth by range and direction alike (`continued_root`). Everything here is for a
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -174,7 +174,7 @@ def direction_slopes(places: Places, centres: list[np.ndarray]) -> np.ndarray:
     r, alpha, f = places[:3]
     square = np.stack([r * r, -2 * alpha * r, -2 * f, np.ones_like(r)], axis=1)
     by_alpha = np.stack([-r, r * r * alpha / f], axis=1)
-    slopes = 0.0
+    slopes: Any = 0.0
     for c in centres:
         rows = np.concatenate([np.ones((*c.shape[:2], 1)), c], axis=2)
         slopes = slopes + c[..., :2] @ by_alpha / np.sqrt(np.maximum(rows @ square, 1e-12))
@@ -186,7 +186,7 @@ def direction_bends(places: Places, centres: list[np.ndarray]) -> np.ndarray:
     r, alpha, f = (v[:, None] for v in places[:3])
     f1 = -r * r * alpha / f
     f2 = -(r * r + f1 * f1) / f
-    found = 0.0
+    found: Any = 0.0
     for c in centres:
         x, y, constant = (c[..., n, None] for n in range(3))
         d = np.sqrt(np.maximum(r * r + constant - x * (2 * alpha * r) - y * (2 * f), 1e-12))
@@ -231,7 +231,7 @@ def slopes_beyond(range_m: np.ndarray, alpha: np.ndarray, centres: list[np.ndarr
                                  least[:, None])
     r, alpha, root, slope = (v[:, None] for v in (range_m, alpha, root, slope))
     square, along, ahead, bend = r * r, 2 * alpha * r, 2 * r * root, 2 * alpha * r * slope
-    found = 0.0
+    found: Any = 0.0
     for c in centres:
         x, y, constant = (c[..., n, None] for n in range(3))
         d2 = np.maximum(square - x * along - y * ahead + constant, 0.01 * square)

@@ -19,7 +19,7 @@ import functools
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -54,7 +54,10 @@ from .group_geometry import (
     range_derivatives,
     slopes_beyond,
 )
-from .points import PointPlan, plan_even_points
+from .points import ImagePoints, PointPlan, plan_even_points
+
+if TYPE_CHECKING:
+    from ...geometry.grids import EvenGrid
 
 DEGREE = 5  # of interpolators between lines and along them
 #: Group of echoes as kernels take it: its echoes, its frame and its grids.
@@ -206,15 +209,16 @@ class GroupPlan(Plan):
         """How profiles are read, of the first part of the map."""
         return self.maps[0].resampling
 
-    def operations(self, grid: MapGrid, n_echoes: int) -> dict[str, float]:
+    def operations(self, grid: EvenGrid | ImagePoints, n_echoes: int) -> dict[str, float]:
         """How often the operations of `CostModel` are done."""
         found = [one.operations for one in self.maps]
-        found += [self.points.operations(grid, n_echoes) for _, grid in self.rest]
+        if self.points is not None:
+            found += [self.points.operations(part, n_echoes) for _, part in self.rest]
         names = {name: None for counts in found for name in counts}
         return {name: sum(counts.get(name, 0.0) for counts in found) for name in names} | {
             'image': 1}
 
-    def n_bytes(self, grid: MapGrid) -> int:
+    def n_bytes(self, grid: EvenGrid | ImagePoints) -> int:
         """Memory that adding the echoes takes besides the image, bytes."""
         return max(one.n_bytes for one in self.maps) + sum(
             IMAGE_BYTES * math.prod(grid.shape) for _, grid in self.rest)
@@ -717,28 +721,28 @@ def plan_groups(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m: np.
     slack = 2 * margin(taps) * radar.range_resolution_m
     window = band or RangeGate.around(radar, n_samples, (range_m[0] - slack, range_m[1] + slack))
     echoes = Echoes(tx_m, rx_m, radar, window, target_db)
-    again = (before is not None and not before.rest and len(before.maps) == 1
-             and len(before.maps[0].tx) == len(echoes))
-    if again:
-        numbers = len(before.maps[0].groups), before.maps[0].n_parts
+    again = before if (before is not None and not before.rest and len(before.maps) == 1
+                       and len(before.maps[0].tx) == len(echoes)) else None
+    if again is not None:
+        numbers = len(again.maps[0].groups), again.maps[0].n_parts
     maps: list[GroupedMap] = []
     rest: list[tuple[tuple[int, int], MapGrid]] = []
     if numbers is not None:
         maps = [one for one in [_grouped(echoes, grid, (0, 0), [numbers])] if one]
-    sought_ns = before.sought_ns if again else sum(one.cost for one in maps)
-    if numbers is None or again and not (
+    sought_ns = sum(one.cost for one in maps) if again is None else again.sought_ns
+    if numbers is None or again is not None and not (
             maps and abs(maps[0].cost - sought_ns) < _ALIKE * sought_ns):
         maps, rest = _divided(echoes, grid, (0, 0))
         sought_ns = sum(one.cost for one in maps)
     if not maps:
         return None
+    n_pixels = math.prod(grid.shape)
+    shares = [(one.errors_db, math.prod(one.grid.shape) / n_pixels) for one in maps]
     points = None
     if rest:
         points = plan_even_points(grid, band or RangeGate.around(radar, n_samples, range_m),
                                   tx_m, rx_m, range_m, target_db)
-    n_pixels = math.prod(grid.shape)
-    shares = [(one.errors_db, math.prod(one.grid.shape) / n_pixels) for one in maps]
-    shares += [(points.errors_db, math.prod(part.shape) / n_pixels) for _, part in rest]
+        shares += [(points.errors_db, math.prod(part.shape) / n_pixels) for _, part in rest]
     return GroupPlan(tuple(maps), tuple(rest), points, window, _mean_errors(shares), sought_ns)
 
 
@@ -761,8 +765,10 @@ def _divided(echoes: Echoes, grid: MapGrid, corner: tuple[int, int]
     """Parts of a map from groups, and the rest, each with its corner."""
     points = _point_cost(echoes, grid)
     whole = _grouped(echoes, grid, corner)
-    best = ([whole], []) if whole is not None and whole.cost < points else ([], [(corner, grid)])
-    cost = whole.cost if best[0] else points
+    cost = points
+    best: tuple[list[GroupedMap], list[tuple[tuple[int, int], MapGrid]]] = [], [(corner, grid)]
+    if whole is not None and whole.cost < points:
+        cost, best = whole.cost, ([whole], [])
     if cost < _CHEAP * points or points < _WORTH_DIVIDING_NS or max(grid.shape) < 2 * _LEAST_SIDE:
         return best
     halves = [_divided(echoes, *half) for half in _halves(grid, corner)]

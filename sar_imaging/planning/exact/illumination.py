@@ -266,11 +266,11 @@ def plan_line_amplitudes(illumination: Illumination, lines: GridLines, tx_m: np.
     Phase centres (R, 3) in metres; `resampling` reads the profiles, of which `window` is needed,
     for the lines without illumination.
     """
-    resampling, amplitudes, pairs = plan_weighed_segments(
+    fitted, amplitudes, pairs = plan_weighed_segments(
         illumination, ImageLines.of_grid(lines), Echoes(tx_m, rx_m, (0,), radar), resampling,
         target_db, error_budget(target_db, EXACT_SHARES)['illumination'])
-    return resampling, amplitudes, {} if resampling is None else {
-        'ends of profiles': pairs.ends_db(window, resampling.oversampling(radar), tx_m, rx_m),
+    return fitted, amplitudes, {} if fitted is None or amplitudes is None else {
+        'ends of profiles': pairs.ends_db(window, fitted.oversampling(radar), tx_m, rx_m),
         'illumination': amplitudes.predicted_error_db}
 
 
@@ -522,7 +522,8 @@ class WeighedPolar:
     def __init__(self, illumination: Illumination, tx_m: np.ndarray, rx_m: np.ndarray,
                  radar: RadarParameters):
         self._illumination, self._radar = illumination, radar
-        self._tx_m, self._rx_m, self._read = tx_m, rx_m, None
+        self._tx_m, self._rx_m = tx_m, rx_m
+        self._read: _PolarReading  # of the latest cover
 
     def cover(self, cover_of: Callable[[float], PolarCover | None], wanted_db: float
               ) -> PolarCover | None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -89,13 +89,14 @@ class ImagePoints:
     @classmethod
     def _of_plane(cls, plane: PlaneGrid) -> ImagePoints:
         """Pixels of a plane; coordinates that only change along one axis take no more memory."""
-        found, strides = [], []
+        coordinates, strides = [], []
         for start, u, v in zip(plane.origin_m, plane.step_u_m, plane.step_v_m, strict=True):
             column = u * np.arange(plane.n_u if u else 1)
             row = v * np.arange(plane.n_v if v else 1)
-            found.append((start + row[:, None] + column).reshape(-1))
+            coordinates.append((start + row[:, None] + column).reshape(-1))
             strides.append((len(column) if v else 0, 1 if u else 0))
-        return cls(*found, strides, plane.shape)
+        x, y, z = coordinates
+        return cls(x, y, z, strides, plane.shape)
 
     @property
     def empty(self) -> bool:
@@ -182,7 +183,8 @@ class PointPlan(Plan):
     def operations(self, grid: ImagePoints | EvenGrid, n_echoes: int) -> dict[str, float]:
         """How often the operations of `CostModel` are done."""
         share = 1.0 if self.amplitudes is None else self.amplitudes.share * self.amplitudes.dearer
-        return {'image': 1} | self.resampling.operations(n_echoes, math.prod(grid.shape) * share)
+        return {'image': 1,
+                **self.resampling.operations(n_echoes, math.prod(grid.shape) * share)}
 
     def n_bytes(self, grid: ImagePoints | EvenGrid) -> int:
         """Memory that adding the echoes takes besides the image, bytes."""
@@ -213,21 +215,24 @@ def point_operations(grid: EvenGrid, window: RangeGate | PhaseHistory, n_echoes:
                      target_db: float) -> dict[str, float]:
     """How often the image of a grid point by point does the operations of `CostModel`."""
     resampling = plan_point_resampling(window, target_db)
-    return {'image': 1} | resampling.operations(n_echoes, math.prod(grid.shape))
+    return {'image': 1, **resampling.operations(n_echoes, math.prod(grid.shape))}
 
 
-def plan_even_points(grid: MapGrid | PlaneGrid | VolumeGrid, *planned: Any, **known: Any
-                     ) -> PointPlan:
+def plan_even_points(grid: MapGrid | PlaneGrid | VolumeGrid, window: RangeGate | PhaseHistory,
+                     tx_m: np.ndarray, rx_m: np.ndarray, range_m: tuple[float, float],
+                     target_db: float, illumination: Illumination | None = None) -> PointPlan:
     """Plan the image of a map, plane or volume point by point; others as of `plan_points`."""
     if isinstance(grid, MapGrid):
-        return plan_points(ImagePoints.of_grid(grid), *planned, **known)
-    layer = grid.slice(0) if isinstance(grid, VolumeGrid) else grid
-    corner = dataclasses.replace(layer, n_u=min(layer.n_u, TILE_SIDE),
-                                 n_v=min(layer.n_v, TILE_SIDE))
-    return plan_points(ImagePoints.of_grid(corner), *planned,
-                       some_m=grid.positions(*draw(grid.shape, _SAMPLED_PIXELS)), **known,
-                       positions=(grid.slice(grid.n_z // 2) if isinstance(grid, VolumeGrid)
-                                  else grid).positions, shape=grid.shape[-2:])
+        return plan_points(ImagePoints.of_grid(grid), window, tx_m, rx_m, range_m, target_db,
+                           illumination=illumination)
+    first, middle = (grid.slice(0), grid.slice(grid.n_z // 2)) if isinstance(
+        grid, VolumeGrid) else (grid, grid)
+    corner = dataclasses.replace(first, n_u=min(first.n_u, TILE_SIDE),
+                                 n_v=min(first.n_v, TILE_SIDE))
+    return plan_points(ImagePoints.of_grid(corner), window, tx_m, rx_m, range_m, target_db,
+                       some_m=grid.positions(*draw(grid.shape, _SAMPLED_PIXELS)),
+                       illumination=illumination, positions=middle.positions,
+                       shape=middle.shape)
 
 
 def plan_points(points: ImagePoints, window: RangeGate | PhaseHistory, tx_m: np.ndarray,

@@ -42,7 +42,9 @@ from ..profiles import (
 )
 
 if TYPE_CHECKING:
+    from ...geometry.grids import EvenGrid
     from .illumination import LineAmplitudes
+    from .points import ImagePoints
 
 TAPS, DEGREE = 10, 5
 _LEAST_ECHOES = 4  # in a part
@@ -192,15 +194,15 @@ class PolarPlan(Plan):
         """Grid onto whose lines echoes are projected: that of the image or of its parts."""
         return self.polar if self.parts is None else self.parts.coarse
 
-    def operations(self, grid: MapGrid, n_echoes: int) -> dict[str, float]:
+    def operations(self, grid: EvenGrid | ImagePoints, n_echoes: int) -> dict[str, float]:
         """How often the operations of `CostModel` are done."""
         n_parts = 0 if self.parts is None else len(self.parts.echoes)
         share = 1.0 if self.amplitudes is None else self.amplitudes.share
         return {'image': 1, 'map_pixel': math.prod(grid.shape), 'upsampled_part': n_parts,
-                'upsampled_pixel': n_parts * math.prod(self.polar.shape)
-                } | self.resampling.operations(n_echoes, math.prod(self.projected.shape) * share)
+                'upsampled_pixel': n_parts * math.prod(self.polar.shape),
+                **self.resampling.operations(n_echoes, math.prod(self.projected.shape) * share)}
 
-    def n_bytes(self, grid: MapGrid) -> int:
+    def n_bytes(self, grid: EvenGrid | ImagePoints) -> int:
         """Memory that adding the echoes takes besides the image, bytes."""
         n_bytes = 0 if self.amplitudes is None else self.amplitudes.n_bytes(
             *self.projected.shape, self.resampling.segment, 1)
