@@ -347,7 +347,7 @@ class Autofocus:
         """
         x, y = (axis[::-(-len(axis) // _COARSE)] for axis in (self.grid.x_m, self.grid.y_m))
         points = np.stack(np.broadcast_arrays(x, y[:, None], self.grid.z_m), axis=-1)
-        there = np.min([coverage(b, Geometry(b.tx_m, b.rx_m), points.reshape(-1, 3))
+        there = np.min([coverage(b, Geometry(*b.centres_m), points.reshape(-1, 3))
                         for b in (block, corrected)], axis=0).reshape(len(y), len(x)) >= COVERED
         row, column = (np.arange(n) * len(axis) // n for n, axis in zip(
             self.grid.shape, (y, x), strict=True))
@@ -375,7 +375,7 @@ class Autofocus:
     def _correction(self, block: PulseBlock, corrected: PulseBlock) -> float:
         def path(pulses: PulseBlock) -> np.ndarray:
             return 0.5 * sum(np.linalg.norm(c.mean(axis=1) - self.grid.centre_m, axis=-1)
-                             for c in (pulses.tx_m, pulses.rx_m))
+                             for c in pulses.centres_m)
 
         change = path(corrected) - path(block)
         u = np.linspace(-1.0, 1.0, len(change))
@@ -402,5 +402,5 @@ def _measured(image: np.ndarray) -> tuple[float, float]:
 
 
 def _largest_move(block: PulseBlock, corrected: PulseBlock) -> float:
-    return float(max(np.linalg.norm(after - before, axis=-1).max() for before, after in (
-        (block.tx_m, corrected.tx_m), (block.rx_m, corrected.rx_m))))
+    return float(max(np.linalg.norm(after - before, axis=-1).max() for before, after in zip(
+        block.centres_m, corrected.centres_m, strict=True)))

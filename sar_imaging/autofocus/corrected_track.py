@@ -125,7 +125,7 @@ def corrected_track(result: AutofocusResult, model: GeometryModel, grid: MapGrid
 
 
 def _geometry(block: PulseBlock) -> Geometry:
-    return Geometry(block.tx_m, block.rx_m)
+    return Geometry(*block.centres_m)
 
 
 def _middle(geometry: Geometry) -> np.ndarray:

@@ -158,12 +158,14 @@ def nominal(block: PulseBlock) -> GeometryModel:
     if not block.has_positions:
         raise ValueError('the block has no phase centres; autofocus corrects positions, it does '
                          'not invent them')
-    geometry = Geometry(block.tx_m, block.rx_m)
-    return GeometryModel((), [], [], lambda _: geometry)
+    geometry = Geometry(*block.centres_m)
+    return GeometryModel((), np.zeros(0), np.zeros(0), lambda _: geometry)
 
 
 def with_track_error(model: GeometryModel, *, degree: int = 5, scale_m: float = 0.05,
-                     axes: Sequence[Sequence[float]] = np.eye(3), time_s: ArrayLike | None = None
+                     axes: Sequence[Sequence[float]] | np.ndarray = (
+                         (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+                     time_s: ArrayLike | None = None
                      ) -> GeometryModel:
     """Add an unknown smooth displacement: Legendre polynomials of the pulses' times.
 
@@ -249,7 +251,8 @@ def with_time_offset(model: GeometryModel, time_s: ArrayLike, *, scale_s: float)
     # scipy.interpolate takes its time to import, which a node without autofocus need not wait for
     from scipy.interpolate import CubicSpline
 
-    time_s = np.asarray(time_s, float) - float(time_s[0])
+    time_s = np.asarray(time_s, float)
+    time_s = time_s - time_s[0]
 
     def change(geometry: Geometry, offset: np.ndarray) -> Geometry:
         tx, rx = (CubicSpline(time_s, a)(time_s + offset[0]) for a in geometry[:2])
@@ -397,10 +400,10 @@ def alignment_model(block: PulseBlock, track: PoseTrack | PoseTable, start: Alig
     def geometry(parameters: np.ndarray) -> Geometry:
         changed = aligned(start, dict(zip(names, parameters, strict=True)))
         located = locate(block, track, changed)
-        return Geometry(located.tx_m, located.rx_m, changed.range_bias_m - start.range_bias_m)
+        return Geometry(*located.centres_m, changed.range_bias_m - start.range_bias_m)
 
-    return GeometryModel(names, [nominal[name] for name in names],
-                         [scale[name] for name in names], geometry)
+    return GeometryModel(names, np.array([nominal[name] for name in names]),
+                         np.array([scale[name] for name in names]), geometry)
 
 
 def aligned(start: Alignment, parameters: dict[str, float]) -> Alignment:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -256,8 +256,12 @@ class OffsetSearch:
         there = np.min([self._covered(self._geometry(t)) for t in offsets], axis=(0, 1)) >= COVERED
         if not there.any():
             return curve.best_s
-        return float(max(offsets, key=lambda t: contrast(
-            sum(self._images(self._geometry(t)))[there[self._tile]])))
+
+        def contrast_at(offset_s: float) -> float:
+            image: Any = sum(self._images(self._geometry(offset_s)))
+            return contrast(image[there[self._tile]])
+
+        return float(max(offsets, key=contrast_at))
 
 
 def coverage(block: PulseBlock, geometry: Geometry, points_m: ArrayLike,
@@ -305,7 +309,8 @@ def visible_phase(first: Geometry, second: Geometry, points: ArrayLike, wavenumb
     """
     every = slice(None, None, max(1, len(first.tx_m) // 128))
     total = 0.0
-    for point in np.asarray(points):
+    points = np.asarray(points)
+    for point in points:
         paths, looks = [], np.zeros(3)
         for geometry in (first, second):
             away = [point - c[every].mean(axis=1) for c in geometry[:2]]

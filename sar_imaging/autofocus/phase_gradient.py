@@ -207,7 +207,7 @@ class PhaseGradient:
         k = self._wavenumber + 2 * np.pi * fft.fftfreq(self.polar.n_range,
                                                        self.polar.range_spacing_m)
         position = self._angular[:, None] / k
-        change = np.interp(position, self.position_m, half_path_m)
+        change = np.interp(position, self.position_m, np.asarray(half_path_m))
         spectrum *= np.exp(1j * np.remainder(k * change, 2 * np.pi))
         return self._baseband(fft.ifft2(spectrum), +1).astype(np.complex64)
 

@@ -339,7 +339,7 @@ class Tiles:
                 for centres in geometry[:2]]
 
     def _half_paths(self, geometry: Geometry) -> np.ndarray:
-        total = 0.0
+        total: Any = 0.0
         for centre in self._middles(geometry):
             dx, dy, dz = (self.points[:, None, axis] - centre[:, axis] for axis in range(3))
             total = total + 0.5 * np.sqrt(dx * dx + dy * dy + dz * dz)
@@ -351,7 +351,7 @@ class Tiles:
         look = 0.5 * sum((self.points[k] - c) / np.linalg.norm(self.points[k] - c, axis=-1,
                                                               keepdims=True) for c in middles)
         mean = look[:, :2].mean(axis=0)
-        slope = np.linalg.norm(mean)
+        slope = float(np.linalg.norm(mean))
         along_range = mean / slope
         along_azimuth = np.array([-along_range[1], along_range[0]])
         swing = max(float(np.ptp(look[:, :2] @ along_azimuth)), 1e-6)
@@ -431,6 +431,6 @@ def bright_points(image: np.ndarray, grid: MapGrid, block: PulseBlock, n: int) -
         row, column = np.unravel_index(power.argmax(), power.shape)
         if power[row, column] <= faintest:
             break
-        points.append((grid.x_m[column], grid.y_m[row], grid.z_m))
+        points.append((float(grid.x_m[column]), float(grid.y_m[row]), grid.z_m))
         power[max(0, row - half):row + half + 1, max(0, column - half):column + half + 1] = 0.0
     return np.array(points).reshape(-1, 3)

@@ -103,8 +103,8 @@ class PhaseCentreTrack:
         A tenth of its duration more is taken for known at each end. Other times are those of no
         pulse, and nothing is known about them.
         """
-        stamp_ns, tx_m, rx_m = (np.concatenate([getattr(b, name) for b in blocks])
-                                for name in ('stamp_ns', 'tx_m', 'rx_m'))
+        stamp_ns = np.concatenate([b.stamp_ns for b in blocks])
+        tx_m, rx_m = (np.concatenate(c) for c in zip(*(b.centres_m for b in blocks), strict=True))
         if np.any(np.diff(stamp_ns) <= 0):
             raise ValueError('the times of the pulses do not ascend; autofocus takes errors for '
                              'functions of time, give every pulse its own')
@@ -139,14 +139,12 @@ class PhaseCentreTrack:
         piece = self._piece_of(times)
         if (piece < 0).any():
             raise ValueError(f'no position is known for {int((piece < 0).any(axis=0).sum())} of '
-                             f'{len(stamp_ns)} pulses at an offset of {offset_s:.3g} s')
-        out = None
+                             f'{piece.shape[1]} pulses at an offset of {offset_s:.3g} s')
+        out = np.empty((piece.shape[1], *self._pieces[0].c.shape[2:]))  # as splines have them
         for turn, (time_s, owner) in enumerate(zip(times, piece, strict=True)):
             for number in np.unique(owner):
                 there = np.flatnonzero(owner == number)
                 centres = self._pieces[number](time_s[there])
-                if out is None:
-                    out = np.empty((len(time_s), *centres.shape[1:]))
                 channel = slice(None) if len(times) == 1 else slice(turn, turn + 1)
                 out[there, :, channel] = centres[:, :, channel]
         return out[:, 0], out[:, 1]
@@ -194,4 +192,4 @@ def on_track(block: PulseBlock, track: PhaseCentreTrack, *, scale_s: float) -> G
     def geometry(offset: np.ndarray) -> Geometry:
         return Geometry(*track.at(block.stamp_ns, float(offset[0])))
 
-    return GeometryModel(['time_offset_s'], [0.0], [scale_s], geometry)
+    return GeometryModel(['time_offset_s'], np.zeros(1), np.array([scale_s]), geometry)

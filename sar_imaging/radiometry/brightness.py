@@ -180,6 +180,6 @@ def _divisor(response: ImageResponse, quantity: str) -> np.ndarray | float:
             else response.area_m2 * np.cos(response.incidence_rad))
 
 
-def _shape_error(image: np.ndarray, response: ImageResponse) -> str:
+def _shape_error(image: np.ndarray | Image, response: ImageResponse) -> str:
     return (f'image.shape={image.shape}; the response is for an image of '
             f'{response.amplitude.shape}')

@@ -147,13 +147,13 @@ def image_response(grid: Grid, radar: RadarParameters, tx_m: ArrayLike, rx_m: Ar
                      for row, normal in zip(points, normals, strict=True)], axis=1)
     turn = 2 * math.pi * radar.propagation_speed_m_per_s * _band_sum(radar, weighting)
     values = [_interpolated(knots, layer, grid.shape) for layer in sums]
-    amplitude, noise, surface, slant, look, across = (*values[:4], values[4:7], values[7:])
+    amplitude, noise, surface, slant = values[:4]
     amplitude = np.where(amplitude > _DIM * amplitude.max(), amplitude, np.nan)
     area, slant_area = (turn * s / amplitude ** 2 for s in (surface, slant))
-    look = np.stack(look, -1) / np.linalg.norm(look, axis=0)[..., None]
+    look = np.stack(values[4:7], -1) / np.linalg.norm(values[4:7], axis=0)[..., None]
     normal = _interpolated_normals(knots, normals, grid.shape)
     if isinstance(grid, TerrainGrid):
-        across = np.stack(across, -1)
+        across = np.stack(values[7:], -1)
         steep = _terrain_normals(grid)
         area = area * np.abs((across * normal).sum(-1) / (across * steep).sum(-1))
         normal = steep

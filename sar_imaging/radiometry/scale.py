@@ -96,7 +96,7 @@ class KnotResponse:
         rows, columns = (np.arange(n) if isinstance(grid, TerrainGrid) else
                          np.unique(np.linspace(0, n - 1, min(n, _KNOTS)).round().astype(int))
                          for n in grid.shape)
-        places = grid if isinstance(grid, TerrainGrid) else _Knots(grid, rows, columns)
+        places: Any = grid if isinstance(grid, TerrainGrid) else _Knots(grid, rows, columns)
         found = image_response(places, radar, tx_m, rx_m, illumination=illumination,
                                weighted=illumination is not None, weighting=weighting,
                                pulse_weights=np.full(len(some), each))
@@ -389,7 +389,8 @@ class LiveCalibration:
 
     def _of(self, grid: Grid, pulses: PulseBlock) -> _Scale:
         geometry = self._seen(grid, pulses)
-        if self._geometry is None or not geometry.same_as(self._geometry):
+        if (self._scale is None or self._geometry is None
+                or not geometry.same_as(self._geometry)):
             scale = (self._of_volume(grid, pulses) if isinstance(grid, VolumeGrid) else
                      BrightnessScale.of(self._response(grid, pulses), self._constant,
                                         self._quantity))
@@ -400,10 +401,10 @@ class LiveCalibration:
 
     def _seen(self, grid: Grid, pulses: PulseBlock) -> _Geometry:
         """The geometry of an image, as seen from the middle of its grid."""
-        flat = getattr(grid, 'map_grid', grid)
+        flat: Any = getattr(grid, 'map_grid', grid)
         middle = (flat.positions(*[0] * len(flat.shape))
                   + 0.5 * (np.array(flat.shape) - 1) @ flat.steps_m)
-        tx_m, rx_m = pulses.tx_m - middle, pulses.rx_m - middle
+        tx_m, rx_m = (centres - middle for centres in pulses.centres_m)
         axes, width = np.zeros((pulses.n_pulses, 3, 3)), math.pi
         if self._pattern is not None:
             axes = Illumination.of_pulses(self._pattern, pulses.pointing, tx_m[:, :1],
@@ -418,10 +419,10 @@ class LiveCalibration:
         if self._quantity != RCS:
             raise ValueError(f'quantity={self._quantity!r} of a volume, whose cells have no area '
                              f'of ground; expected {RCS!r}, the cross section of a point')
-        return volume_scale(grid, pulses.tx_m, pulses.rx_m, self._constant,
+        return volume_scale(grid, *pulses.centres_m, self._constant,
                             pattern=self._pattern, pointing=pulses.pointing)
 
     def _response(self, grid: Grid, pulses: PulseBlock) -> KnotResponse:
-        return KnotResponse.of(grid, pulses.radar, pulses.tx_m, pulses.rx_m,
+        return KnotResponse.of(grid, pulses.radar, *pulses.centres_m,
                                pattern=self._pattern, pointing=pulses.pointing,
                                weighting=self._weighting)

@@ -74,6 +74,6 @@ def equivalent_looks(power: ArrayLike) -> float:
     >>> print(f'{equivalent_looks(power):.1f}, {equivalent_looks(multilook(power, (2, 2))):.1f}')
     1.0, 4.0
     """
-    power = np.asarray(power, np.float64)
-    power = power[np.isfinite(power)]
-    return float(power.mean() ** 2 / power.var())
+    values = np.asarray(power, np.float64)
+    known = values[np.isfinite(values)]
+    return float(known.mean() ** 2 / known.var())

@@ -176,7 +176,7 @@ class Survey:
         """Smallest and largest range of a square from its aperture, and a little more, metres."""
         half, x = self.size_m / 2, self.range_m * math.cos(GRAZING_RAD)
         height = self.range_m * math.sin(GRAZING_RAD)
-        rise = (self.passes - 1) * np.linalg.norm(self._baseline_m)
+        rise = (self.passes - 1) * float(np.linalg.norm(self._baseline_m))
         slack = 0.01 * self.size_m + rise  # the Earth is round
         return (math.hypot(x - half, height) - slack,
                 math.hypot(x + half, half + self.aperture_m / 2, height) + slack)
@@ -314,9 +314,9 @@ class SurveyRecording:
 
         seen = [Scatterer(name, tuple(self._own(place[None])[0])) for name, place in reflectors
                 if inside(place[None])[0]]
-        points, amplitudes = np.concatenate(points), np.concatenate(amplitudes)
-        own = inside(points)
-        return seen, Clutter(self._own(points[own]), amplitudes[own])
+        places = np.concatenate(points)
+        own = inside(places)
+        return seen, Clutter(self._own(places[own]), np.concatenate(amplitudes)[own])
 
     def _own(self, points_m: np.ndarray) -> np.ndarray:
         """Points of the survey's frame in that of the recording."""

@@ -124,7 +124,7 @@ def flawed_aperture(kind: str, size: float, seed: int, *, n_pulses: int = 512,
     blocks = [PulseBlock(radar, True, stamp_ns, number, profiles, track[:, None], track[:, None])
               for track in (stated, true)]
     side = 2 * round((half_scene_m + 2.0) / spacing_m)
-    return FlawedAperture(kind, size, *blocks, points, _N_BRIGHT,
+    return FlawedAperture(kind, size, blocks[0], blocks[1], points, _N_BRIGHT,
                           MapGrid((0.0, _GROUND_RANGE_M, 0.0), side, side, spacing_m))
 
 

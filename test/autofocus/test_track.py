@@ -59,6 +59,17 @@ def test_what_no_pose_tells_is_refused():
     assert not empty.covers(block.stamp_ns, 0.0)
 
 
+def test_pulses_without_phase_centres_tell_no_track():
+    with pytest.raises(ValueError, match='the pulses have no phase centres; give tx_m and rx_m'):
+        PhaseCentreTrack.of_pulses([pulses()])
+
+
+def test_no_pulses_have_no_centres():
+    centres = PhaseCentreTrack.of_poses(poses(np.arange(1.0, 7.0, 0.01)), ALIGNMENT, 1,
+                                        (-10**9, 3 * 10**9))
+    assert [v.shape for v in centres.at([], 0.0)] == [(0, 1, 3)] * 2
+
+
 def test_channels_that_take_turns_have_their_own_times():
     track, block = poses(np.arange(1.0, 7.0, 0.01)), pulses(2)
     centres = PhaseCentreTrack.of_poses(track, ALIGNMENT, 2, (-10**9, 3 * 10**9), (0.0, 0.01))

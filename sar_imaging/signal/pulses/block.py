@@ -269,8 +269,8 @@ class PulseBlock:
         return self.tx_m is not None
 
     @property
-    def phase_centre_m(self) -> np.ndarray:
-        """(P, 3) float64 mean of all transmit and receive phase centres of each pulse, metres.
+    def centres_m(self) -> tuple[np.ndarray, np.ndarray]:
+        """`tx_m` and `rx_m`, of pulses that need them.
 
         Raises
         ------
@@ -279,7 +279,18 @@ class PulseBlock:
         """
         if self.tx_m is None or self.rx_m is None:
             raise ValueError('the pulses have no phase centres; give tx_m and rx_m to the block')
-        return mean_centres(self.tx_m, self.rx_m)
+        return self.tx_m, self.rx_m
+
+    @property
+    def phase_centre_m(self) -> np.ndarray:
+        """(P, 3) float64 mean of all transmit and receive phase centres of each pulse, metres.
+
+        Raises
+        ------
+        ValueError
+            The pulses have none.
+        """
+        return mean_centres(*self.centres_m)
 
     def select(self, index: Any) -> PulseBlock:
         """Pulses at `index` (slice, mask or integers along the pulse axis) as a block."""

@@ -182,7 +182,7 @@ def configured_scenario(name: str, acquisition: Acquisition, imaging: Imaging, *
     x, y, z = grid.centre_m
     scatterers = tuple(Scatterer(place, (x + u * half_x, y + v * half_y, z), 10 ** (db / 20))
                        for place, u, v, db in _PLACES)
-    receivers = tuple(tuple(float(v) for v in row) for row in acquisition.receiver_offsets())
+    receivers = tuple((x, y, z) for x, y, z in acquisition.receiver_offsets().tolist())
     return Scenario(
         name=name, description=f'Configured radar {name}, five scatterers',
         radar=acquisition.radar, compressed=acquisition.compressed,

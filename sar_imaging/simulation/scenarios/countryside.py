@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -122,11 +124,14 @@ def _ground_db(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.where(np.abs(from_road) < 3.5, -16.0, level)
 
 
-def _road_x(y: np.ndarray) -> np.ndarray:
+_Place = TypeVar('_Place', float, np.ndarray)
+
+
+def _road_x(y: _Place) -> _Place:
     return 4.0 + 0.35 * y
 
 
-def _hedge_y(x: np.ndarray) -> np.ndarray:
+def _hedge_y(x: _Place) -> _Place:
     return 2.0 + 0.12 * x
 
 
@@ -141,7 +146,7 @@ def _building(box: Box) -> tuple[np.ndarray, np.ndarray]:
              _place(box.x_m[:1], y, [0.0], 17.0),
              _place(box.x_m[:1], np.arange(box.y_m[0] + 1.5, box.y_m[1] - 1.0, 3.0),
                     np.arange(1.5, box.height_m - 1.0, 2.8), 15.0)]  # windows
-    return tuple(np.concatenate(p) for p in zip(*parts, strict=True))
+    return _joined(parts)
 
 
 def _parked_cars() -> list[Box]:
@@ -161,7 +166,7 @@ def _car(box: Box) -> tuple[np.ndarray, np.ndarray]:
              _place([x1], y, [box.height_m - 0.5], 5.0),
              _place(np.arange(x0, x1, 0.45), y, [box.height_m], 0.0),
              _place(np.arange(x0, x1, 0.9), box.y_m, [0.7], 6.0)]
-    return tuple(np.concatenate(p) for p in zip(*parts, strict=True))
+    return _joined(parts)
 
 
 def _trees() -> list[Crown]:
@@ -169,13 +174,13 @@ def _trees() -> list[Crown]:
     x = np.arange(-74.0, -2.0, 1.5)
     size = 1.0 + 0.6 * _uniform(3, x.size)
     hedge = [Crown((a, _hedge_y(a) + 0.5 * s, 0.8 * s), s)
-             for a, s in zip(x, size, strict=True)]
+             for a, s in zip(x.tolist(), size.tolist(), strict=True)]
     u = _uniform(4, 120).reshape(3, 40)
     wood = [Crown((62.0 + 13.0 * a, 16.0 + 44.0 * b, 3.0 + 3.0 * c), 1.8 + 1.4 * c)
-            for a, b, c in u.T]
-    u = _uniform(5, 9)
+            for a, b, c in zip(*u.tolist(), strict=True)]
+    size = _uniform(5, 9)
     lane = [Crown((_road_x(y) + 7.0, y, 2.5 + c), 1.8 + c)
-            for y, c in zip(np.arange(-57.0, -24.0, 4.5), u, strict=False)]
+            for y, c in zip(np.arange(-57.0, -24.0, 4.5).tolist(), size.tolist(), strict=False)]
     alone = [Crown((x, y, 3.6), 3.2) for x, y in ((-58.0, -18.0), (-24.0, -52.0), (-30.0, 39.5),
                                                   (27.0, 50.0), (64.0, -8.0))]
     return [*hedge, *wood, *lane, *alone]
@@ -196,6 +201,11 @@ def _lamp_posts() -> tuple[np.ndarray, np.ndarray]:
     y = np.arange(-52.0, 60.0, 16.0)
     points = np.stack([_road_x(y) - 4.6, y, np.zeros_like(y)], axis=1)
     return points, np.full(len(y), 17.0)
+
+
+def _joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    points, levels = zip(*parts, strict=True)
+    return np.concatenate(points), np.concatenate(levels)
 
 
 def _place(x: ArrayLike, y: ArrayLike, z: ArrayLike, level_db: float

@@ -128,7 +128,8 @@ class Scenario:
         # A band-limited chirp overshoots by up to a fifth at its ends.
         noise_std = math.hypot(self.noise_std, *(jammer.std for jammer in self.jammers),
                                0.0 if self.clutter is None else self.clutter.std)
-        peak = (1.25 * sum(abs(s.amplitude) for s in (*self.scatterers, *self.movers))
+        sources: tuple[Scatterer | Mover, ...] = *self.scatterers, *self.movers
+        peak = (1.25 * sum(abs(s.amplitude) for s in sources)
                 + 5 * noise_std)
         return 2.0 ** math.ceil(math.log2(peak))
 
@@ -198,6 +199,7 @@ class Scenario:
         """Where the antenna looks at each pulse, and the illumination of all echoes."""
         if self.antenna is None:
             return None, None
+        assert self.mount is not None  # which every antenna has
         pointing = self.mount.pointing(self.stamps_ns(), 0.5 * (tx_m + rx_m).mean(axis=1))
         return pointing, Illumination.of_pulses(self.antenna.amplitudes(), pointing, tx_m, rx_m)
 
