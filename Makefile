@@ -128,8 +128,9 @@ lint: environment
 # What a version needs before it is published, see docs/releasing.md.
 # What cannot be checked here is told as skipped.
 release-check: environment
-	@$(RUN) -c 'import build, twine, rattler_build, spellchecker' 2>/dev/null || \
-	    $(RUN) -m pip install --quiet --disable-pip-version-check -r requirements-release.txt
+	@$(RUN) -c 'import build, twine, rattler_build, spellchecker, mypy' 2>/dev/null || \
+	    $(RUN) -m pip install --quiet --disable-pip-version-check -r requirements-release.txt \
+	    -r requirements-lint.txt
 	@failed=0; $(RUN) -m pytest -m release test/test_package.py test/test_distribution.py \
 	    test/docs/test_spelling.py || failed=1; \
 	$(RUN) -m benchmarks.release.check $(if $(ROSDISTRO),--rosdistro "$(ROSDISTRO)") || failed=1; \

@@ -1,6 +1,6 @@
 # Copyright 2026 SAR Imaging contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of `make release-check` that are no tests: Debian package, keys, container.
+"""The parts of `make release-check` that are no tests: types, keys, Debian package, container.
 
 Run from the repository root: ``python -m benchmarks.release.check [--rosdistro CHECKOUT]``. What
 this machine cannot run is listed with what it would need.
@@ -9,6 +9,7 @@ this machine cannot run is listed with what it would need.
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import shutil
 import subprocess
 import sys
@@ -29,6 +30,9 @@ def main() -> int:
     database = parser.parse_args().rosdistro
     module = [sys.executable, '-m']
     parts = {
+        'types': (
+            importlib.util.find_spec('mypy') and [*module, 'benchmarks.release.stated_types'],
+            'mypy: pip install -r requirements-lint.txt'),
         'keys of package.xml': (
             database and [*module, 'benchmarks.release.rosdep_keys', database],
             'a checkout of github.com/ros/rosdistro: make release-check ROSDISTRO=folder'),
