@@ -135,7 +135,7 @@ def _along_the_track(block: PulseBlock) -> bool:
     centres = block.phase_centre_m
     track = centres - centres.mean(axis=0)
     direction = np.linalg.svd(track, full_matrices=False)[2][0]
-    places = (block.tx_m + block.rx_m)[0] / 2
+    places = np.add(*block.centres_m)[0] / 2
     places = places - places.mean(axis=0)
     beside = places - np.outer(places @ direction, direction)
     along = np.ptp(track @ direction)
@@ -145,7 +145,7 @@ def _along_the_track(block: PulseBlock) -> bool:
 
 def _on_a_line(block: PulseBlock) -> np.ndarray | None:
     """(C,) places of the channels along their line, metres; None where they lie on none."""
-    places = (block.tx_m + block.rx_m)[0] / 2
+    places = np.add(*block.centres_m)[0] / 2
     places = places - places.mean(axis=0)
     direction = np.linalg.svd(places, full_matrices=False)[2][0]
     beside = places - np.outer(places @ direction, direction)

@@ -176,6 +176,7 @@ class CoherenceProbe:
     @property
     def points(self) -> np.ndarray:
         """(K, 3) pixels of a probe that `fixed` made, metres."""
+        assert self._places is not None  # of another probe they depend on the profiles
         return self._places
 
     def fixed(self, profiles: PulseBlock) -> CoherenceProbe:
@@ -265,9 +266,9 @@ class _Rows:
         channels = np.unique(np.linspace(0, block.n_channels - 1,
                                          min(block.n_channels, _GROUPS // 4)).astype(int))
         most = max(_GROUPS, _MOST_ROWS // len(channels))
-        pulses = _along_the_way(block, most)
+        pulses, (tx_m, rx_m) = _along_the_way(block, most), block.centres_m
         if len(channels) == 1:  # of many, errors show only between groups of their own
-            sight = _directions(block.tx_m[pulses], block.rx_m[pulses], towards_m)
+            sight = _directions(tx_m[pulses], rx_m[pulses], towards_m)
             pulses = pulses[np.argsort(sight, kind='stable')]
         parts = min(len(pulses), max(_FEWEST_PARTS, _GROUPS // len(channels)))
         # One group is a channel's pulses in a part of the aperture.
@@ -277,7 +278,7 @@ class _Rows:
         def rows(a: np.ndarray) -> np.ndarray:
             return a[pulses, channels[:, None]].reshape(len(group), *a.shape[2:])
 
-        return cls(block.radar, rows(block.samples), rows(block.tx_m), rows(block.rx_m), group)
+        return cls(block.radar, rows(block.samples), rows(tx_m), rows(rx_m), group)
 
     def thinned(self, step: int) -> _Rows:
         return _Rows(self.radar, *(np.ascontiguousarray(a[::step]) for a in (

@@ -273,7 +273,7 @@ class _Tried:
         # scatterers may be in the other half without the mistake
         halves = [sorted(probe.halves(b), key=lambda half: -half.spread)
                   for b in (self.profiles, self.told)]
-        pairs += [pair for pair in zip(*halves, strict=True)
+        pairs += [list(pair) for pair in zip(*halves, strict=True)
                   if pair[0].agreement > _ABOVE_NOISE * NOISE and pair[0].contrast > LEAST]
         return [max(gain_of(after, then), after.contrast / max(then.contrast, 1.0)
                     if after.contrast > LEAST else 0.0) for after, then in pairs]
@@ -340,7 +340,7 @@ class _Tried:
 
     def _keeps_heights(self) -> bool:
         """Whether an aperture is not upside down."""
-        z_m, before_m = ((b.tx_m + b.rx_m)[..., 2] / 2 for b in (self.profiles, self.told))
+        z_m, before_m = (np.add(*b.centres_m)[..., 2] / 2 for b in (self.profiles, self.told))
         return bool(np.ptp(z_m - before_m) <= _UPRIGHT * np.ptp(before_m))
 
 
@@ -601,7 +601,7 @@ class _Attempts:
         peaks = np.flatnonzero((figures >= np.r_[0, figures[:-1]])
                                & (figures >= np.r_[figures[1:], 0]))
         peaks = peaks[np.argsort(-figures[peaks])][:_COMPARED]
-        peaks = sorted(peaks, key=lambda at: -gain(values[at], coarse, few))[:_PEAKS]
+        best = sorted(peaks, key=lambda at: -gain(float(values[at]), coarse, few))[:_PEAKS]
         step = float(values[1] - values[0])
 
         def climbed(value: float) -> float:
@@ -617,7 +617,7 @@ class _Attempts:
             return self._tried(mistake(value), changed, self._probe(changed), before)
 
         # the top of a narrow peak may lie between two values, each below a broad one
-        return functools.reduce(_sharper, (tried(climbed(float(values[at]))) for at in peaks))
+        return functools.reduce(_sharper, (tried(climbed(float(values[at]))) for at in best))
 
     def _ready(self, block: PulseBlock) -> PulseBlock:
         return block if block.compressed else self._compressed(block)
@@ -637,6 +637,6 @@ def one_channel(block: PulseBlock) -> PulseBlock:
 
 def one_of(block: PulseBlock, channel: int) -> PulseBlock:
     """A channel alone."""
-    at = slice(channel, channel + 1)
-    return dataclasses.replace(block, samples=block.samples[:, at], tx_m=block.tx_m[:, at],
-                               rx_m=block.rx_m[:, at])
+    at, (tx_m, rx_m) = slice(channel, channel + 1), block.centres_m
+    return dataclasses.replace(block, samples=block.samples[:, at], tx_m=tx_m[:, at],
+                               rx_m=rx_m[:, at])

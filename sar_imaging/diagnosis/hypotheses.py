@@ -15,7 +15,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy import fft
@@ -69,7 +69,8 @@ class Hypothesis:
 
 def _moved(change: Callable[[np.ndarray], np.ndarray]) -> _Undo:
     def undo(block: PulseBlock) -> list[PulseBlock]:
-        return [dataclasses.replace(block, tx_m=change(block.tx_m), rx_m=change(block.rx_m))]
+        tx_m, rx_m = map(change, block.centres_m)
+        return [dataclasses.replace(block, tx_m=tx_m, rx_m=rx_m)]
     return undo
 
 
@@ -97,9 +98,10 @@ def _given_delays_s(block: PulseBlock) -> list[float]:
 
 def _scaled(factor: float) -> _Undo:
     def undo(block: PulseBlock) -> list[PulseBlock]:
-        changed = dataclasses.replace(block, tx_m=factor * block.tx_m, rx_m=factor * block.rx_m)
+        tx_m, rx_m = (factor * centres for centres in block.centres_m)
+        changed = dataclasses.replace(block, tx_m=tx_m, rx_m=rx_m)
         # From one place all pulses agree everywhere, which is not focus.
-        centres = (changed.tx_m + changed.rx_m) / 2
+        centres = (tx_m + rx_m) / 2
         extent = np.ptp(centres, axis=(0, 1)).max()
         return [changed] if extent > _LEAST_EXTENT * block.radar.wavelength_m else []
     return undo
@@ -107,7 +109,7 @@ def _scaled(factor: float) -> _Undo:
 
 def _transmitters_ordered(block: PulseBlock) -> list[PulseBlock]:
     """Blocks whose transmitters are in any other order, each with all of its receivers."""
-    _, which = np.unique(np.round(block.tx_m[0], 6), axis=0, return_inverse=True)
+    _, which = np.unique(np.round(block.centres_m[0][0], 6), axis=0, return_inverse=True)
     which = which.ravel()
     n = int(which.max()) + 1
     channels = [np.flatnonzero(which == t) for t in dict.fromkeys(which)]
@@ -444,16 +446,17 @@ def with_offset(block: PulseBlock, offset_s: float, rate: float = 1.0,
     some = block.select(inside)
     if not some.n_pulses:
         return some
-    centres = [_at(time_s, a, wanted_s[inside]) for a in (track.tx_m, track.rx_m)]
-    back = np.mean(some.tx_m - centres[0], axis=(0, 1))
+    centres = [_at(time_s, a, wanted_s[inside]) for a in track.centres_m]
+    back = np.mean(some.centres_m[0] - centres[0], axis=(0, 1))
     return dataclasses.replace(some, tx_m=centres[0] + back, rx_m=centres[1] + back)
 
 
 def with_slope(block: PulseBlock, factor: float) -> PulseBlock:
     """Raw pulses whose ramp is said to be `factor` times as steep, from the same start."""
     radar = block.radar
-    changes = {'chirp_rate_hz_per_s': factor * radar.chirp_rate_hz_per_s,
-               'bandwidth_hz': abs(factor) * radar.bandwidth_hz}
+    changes: dict[str, Any] = {
+        'chirp_rate_hz_per_s': factor * radar.chirp_rate_hz_per_s,
+        'bandwidth_hz': abs(factor) * radar.bandwidth_hz}
     if radar.waveform.is_ramp:
         half_swept_hz = radar.chirp_rate_hz_per_s * radar.pulse_length_s / 2
         changes['carrier_hz'] = radar.carrier_hz + (factor - 1) * half_swept_hz

@@ -12,6 +12,7 @@ of a radar on a rotating arm its whole length.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 from collections.abc import Callable
@@ -186,7 +187,7 @@ def find_lever_arm(block: PulseBlock, attitude: Rotation, grid: MapGrid, *,
     best = max(tops, key=spread)
     whole = CoherenceProbe(grid, BUDGET)
     fine = fine.fixed(_moved(profiles, moves @ best))
-    odd, even = (_climbed(lambda arm, k=k: spread(arm, slice(k, None, 2)), best, blur_rad)
+    odd, even = (_climbed(functools.partial(spread, pulses=slice(k, None, 2)), best, blur_rad)
                  for k in (0, 1))
     error_m = np.hypot(_TOLD_RAD / blur_rad, (odd - even) / 2)
     felt = np.abs(best) > error_m
@@ -304,9 +305,9 @@ def _likely(profiles: PulseBlock, moves: np.ndarray, grid: MapGrid, blur_rad: np
     figures = np.reshape([probe(_moved(profiles, moves @ np.array(arm))).spread
                           for arm in itertools.product(*lengths_m)], shape)
     peaks = np.argwhere(figures == ndimage.maximum_filter(figures, 3))
-    peaks = sorted(peaks, key=lambda at: -figures[tuple(at)])[:_PEAKS]
+    highest = sorted(peaks, key=lambda at: -figures[tuple(at)])[:_PEAKS]
     return np.array([[lengths[k] for lengths, k in zip(lengths_m, at, strict=True)]
-                     for at in peaks])
+                     for at in highest])
 
 
 def _lengths(blur_rad: np.ndarray, most: float) -> list[np.ndarray]:

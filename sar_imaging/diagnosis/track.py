@@ -68,7 +68,7 @@ def track_doubts(block: PulseBlock) -> tuple[str, ...]:
 def at_rest(block: PulseBlock) -> bool:
     """Whether all pulses and channels have the same phase centre; an array needs no motion."""
     return not (np.ptp(block.phase_centre_m, axis=0).any()
-                or np.ptp(block.tx_m[0] + block.rx_m[0], axis=0).any())
+                or np.ptp(np.add(*block.centres_m)[0], axis=0).any())
 
 
 def fills_a_plane(block: PulseBlock) -> bool:
@@ -76,7 +76,7 @@ def fills_a_plane(block: PulseBlock) -> bool:
 
     They then resolve heights, or what else lies across their longest side.
     """
-    centres = ((block.tx_m + block.rx_m) / 2).reshape(-1, 3)
+    centres = (np.add(*block.centres_m) / 2).reshape(-1, 3)
     centres = centres[::-(-len(centres) // _MOST_CENTRES)]
     centres = centres - centres.mean(axis=0)
     along, across = (centres @ np.linalg.svd(centres, full_matrices=False)[2][:2].T).T

@@ -167,6 +167,7 @@ class ApertureImager(ApertureSequence):
         self._image = self._plan.new_image(like=self._device_array) if self._grows else None
         if self._grows and not self._keep_pulses:
             return Aperture(number, self._length)
+        assert self._example is not None  # of the pulses that came
         return AperturePulses(number, self._length, self._example, [])
 
     def _fill(self, aperture: Aperture, block: PulseBlock) -> list[ApertureImage]:
@@ -180,7 +181,7 @@ class ApertureImager(ApertureSequence):
         """An image, or a report why there is none."""
         if self._drop_short(aperture):
             return []
-        image, self._image = self._image or self._plan(aperture.block()), None
+        image, self._image = self._image or self._plan(_pulses(aperture)), None
         report = image.report
         self._grows = report.method == EXACT
         self._warn(aperture.number, report.warnings)
@@ -188,4 +189,9 @@ class ApertureImager(ApertureSequence):
         return [ApertureImage(
             to_host(image.samples), self.grid, aperture.centre_ns(), aperture.number,
             aperture.known.astype(np.uint32), aperture.missing, report.predicted_error_db,
-            image.carrier_hz, aperture.block() if self._keep_pulses else None, report.method)]
+            image.carrier_hz, _pulses(aperture) if self._keep_pulses else None, report.method)]
+
+
+def _pulses(aperture: Aperture) -> PulseBlock:
+    assert isinstance(aperture, AperturePulses)  # unless each block is added as it comes
+    return aperture.block()

@@ -181,10 +181,11 @@ class Fusing:
         """
         headers = self.headers.values()
         powers = [h.power for h in headers]
-        error = np.average([h.error for h in headers], weights=powers if any(powers) else None)
+        error = float(np.average([h.error for h in headers],
+                                 weights=powers if any(powers) else None))
         if self.sliding and not self._weighted:
             error = max(error, self.headers[max(self.headers)].error)
-        return float(error)
+        return error
 
     def _ends_m(self) -> tuple[float, float]:
         """Ends of the aperture along its track, metres from the middle."""
@@ -384,7 +385,8 @@ class LiveFusion(EventSource):
         self.statistics.restarts += 1
         self._report('restart', 'sub-apertures come from another sender or it was started again; '
                      'a new aperture begins')
-        self._former.append(self._session)
+        if self._session is not None:
+            self._former.append(self._session)
         self._session, self._newest = None, None
         return images
 

@@ -15,7 +15,7 @@ from ..device_arrays import to_host
 from ..geometry.grids import MapGrid
 from ..geometry.polar import PolarGrid
 from ..imaging.afbp import image_of_polar
-from ..imaging.image import Image
+from ..imaging.image import Image, Report
 from ..imaging.imager import plan_image
 from ..imaging.methods import AFBP
 from ..planning.afbp.plan import AfbpPlan
@@ -78,14 +78,21 @@ class RevisableImage:
         return self.plan.subapertures.n_subapertures
 
     @property
+    def _report(self) -> Report:
+        assert self._imager.report is not None  # planned for phase centres
+        return self._imager.report
+
+    @property
     def plan(self) -> AfbpPlan:
         """Plan of the present image."""
-        return self._imager.report.plan
+        plan = self._report.plan
+        assert isinstance(plan, AfbpPlan)  # as it asks for
+        return plan
 
     def image(self) -> Image:
         """The present image."""
         samples = to_host(image_of_polar(self.plan, self._fusion.polar_image(), self._backend))
-        return Image(samples, self._grid, self.block.radar.carrier_hz, self._imager.report,
+        return Image(samples, self._grid, self.block.radar.carrier_hz, self._report,
                      int(np.sort(self.block.stamp_ns)[self.block.n_pulses // 2]),
                      np.sort(self.block.counter.astype(np.int64)))
 
@@ -105,12 +112,13 @@ class RevisableImage:
         """
         before, block = self.block, dataclasses.replace(
             self.block, tx_m=np.asarray(tx_m, np.float64), rx_m=np.asarray(rx_m, np.float64))
+        pairs = list(zip(block.centres_m, before.centres_m, strict=True))
         touched = [number for number, some in enumerate(self._cuts)
-                   if not (np.array_equal(block.tx_m[some], before.tx_m[some])
-                           and np.array_equal(block.rx_m[some], before.rx_m[some]))]
-        centres = {number: self._centre(block, number) for number in touched}
+                   if not all(np.array_equal(now[some], then[some]) for now, then in pairs)]
+        found = {number: self._centre(block, number) for number in touched}
+        centres = {number: centre_m for number, centre_m in found.items() if centre_m is not None}
         self.block = block
-        if None in centres.values():
+        if len(centres) < len(found):
             try:
                 self._image_anew()
             except ValueError:
@@ -139,7 +147,8 @@ class RevisableImage:
         """Middle of a sub-aperture's band; None where the plan does not suit it."""
         some = self._cuts[number]
         try:
-            centre_m, error_db, within = self._within.check(block.tx_m[some], block.rx_m[some])
+            tx_m, rx_m = block.centres_m
+            centre_m, error_db, within = self._within.check(tx_m[some], rx_m[some])
         except ValueError:
             return None
         return centre_m if within and error_db <= self._planned_db + 1.0 else None

@@ -79,9 +79,10 @@ class SubapertureEnds:
         """
         along = block.phase_centre_m[:, :2] @ track
         ends, looks = sorted((int(along.argmin()), int(along.argmax()))), block.pointing
-        return cls(block.tx_m[ends].mean(axis=1), block.rx_m[ends].mean(axis=1),
-                   block.n_channels, () if looks is None else looks.boresight[ends],
-                   () if looks is None else looks.up[ends], weighted)
+        tx_m, rx_m = block.centres_m
+        return cls(tx_m[ends].mean(axis=1), rx_m[ends].mean(axis=1), block.n_channels,
+                   () if looks is None else tuple(looks.boresight[ends]),
+                   () if looks is None else tuple(looks.up[ends]), weighted)
 
     def pulses(self, n_pulses: int) -> tuple[np.ndarray, np.ndarray, Pointing | None]:
         """Phase centres (P, C, 3), metres, and pointing of pulses evenly from end to end."""
@@ -90,10 +91,10 @@ class SubapertureEnds:
         def between(ends: Any) -> np.ndarray:
             return (1 - fraction) * np.array(ends[0]) + fraction * np.array(ends[1])
 
-        centres = (np.repeat(between(ends)[:, None], self.n_channels, axis=1)
-                   for ends in (self.tx_m, self.rx_m))
+        tx_m, rx_m = (np.repeat(between(ends)[:, None], self.n_channels, axis=1)
+                      for ends in (self.tx_m, self.rx_m))
         looks = Pointing(between(self.boresight), between(self.up)) if self.up else None
-        return *centres, looks
+        return tx_m, rx_m, looks
 
 
 @dataclasses.dataclass(frozen=True)

@@ -115,7 +115,8 @@ class Target:
             number = other.first + np.arange(len(other.seen))
             some = other.seen & (number < stop) & (number >= stop - len(aperture.seen))
             found.append((other.tx_m[some], other.rx_m[some]))
-        return tuple(map(np.concatenate, zip(*found, strict=True)))
+        tx_m, rx_m = map(np.concatenate, zip(*found, strict=True))
+        return tx_m, rx_m
 
 
 _LEAST_PULSES = 16  # from which a track is carried on, where nothing came before
@@ -252,7 +253,7 @@ class LiveSubapertures(ApertureSequence):
 
     def _configure(self, block: PulseBlock) -> PulseBlock:
         if self._pattern is not None:
-            Illumination.of_pulses(self._pattern, block.pointing, block.tx_m, block.rx_m)  # told
+            Illumination.of_pulses(self._pattern, block.pointing, *block.centres_m)  # told
         return block.select(slice(0, 0))
 
     def _begin_sequence(self) -> None:
@@ -400,23 +401,24 @@ class LiveSubapertures(ApertureSequence):
     def _form(self, target: Target, parts: Sequence[tuple[AperturePulses, slice]]
               ) -> list[SubapertureImage] | None:
         """Images of sub-apertures; None where one does not suit the plan."""
-        found = []
+        assert target.stage is not None  # as was planned
+        found, plan = [], target.stage.plan
         for aperture, part in parts:
             block = aperture.block(part)
-            band = target.stage.plan.check(block.tx_m, block.rx_m,
-                                           target.stage.plan.subapertures.illumination_of(block),
-                                           target.window(aperture, part))
+            band = plan.check(*block.centres_m, plan.subapertures.illumination_of(block),
+                              target.window(aperture, part))
             if band is None:
                 return None
             found.append((aperture, part, block, *band))
-        return [self._formed(target, *some) for some in found]
+        return [self._formed(target, target.stage, *some) for some in found]
 
-    def _formed(self, target: Target, aperture: AperturePulses, part: slice, block: PulseBlock,
-                centre_m: float, error_db: float, power_db: float) -> SubapertureImage:
+    def _formed(self, target: Target, stage: SubapertureStage, aperture: AperturePulses,
+                part: slice, block: PulseBlock, centre_m: float, error_db: float,
+                power_db: float) -> SubapertureImage:
         # Apertures are equally long but for the last before the counter wraps around.
         counts = [self._count_parts(target.first + i) for i in range(target.n_apertures)]
         before = sum(counts[:aperture.number - target.first])
-        plan, (image, uneven_db) = target.stage.plan, target.stage.image(block)
+        plan, (image, uneven_db) = stage.plan, stage.image(block)
         error_db += max(uneven_db + min(power_db, 0.0), 0.0)
         if self._pattern is not None:  # of its own brightness, which the fusion measures
             error_db = min(error_db - power_db, 0.0)
@@ -478,13 +480,13 @@ class LiveSubapertures(ApertureSequence):
         first = target.first * self._length
         numbers = np.concatenate([a.known for a in known])
         wanted, illumination = np.arange(first - before, first + n_pulses + after), None
-        tx_m, rx_m = predict_track(numbers, *(
-            np.concatenate([getattr(a, name)[a.seen] for a in known])
-            for name in ('tx_m', 'rx_m')), wanted)
+        tx_m, rx_m = predict_track(numbers, np.concatenate([a.tx_m[a.seen] for a in known]),
+                                   np.concatenate([a.rx_m[a.seen] for a in known]), wanted)
         if self._pattern is not None:
-            looks = np.concatenate([a.looks[:, a.seen] for a in known], axis=1)
-            looks = predict_track(numbers, *looks[:, :, None], wanted)
-            pointing = Pointing(*(v[:, 0] for v in looks))
+            looks = np.concatenate([a.looks[:, a.seen] for a in known  # all of them
+                                    if a.looks is not None], axis=1)[:, :, None]
+            boresight, up = predict_track(numbers, looks[0], looks[1], wanted)
+            pointing = Pointing(boresight[:, 0], up[:, 0])
             illumination = Illumination.of_pulses(self._pattern, pointing, tx_m, rx_m,
                                                   foreseen=True)
         return SubapertureStage(plan_live(

@@ -134,6 +134,7 @@ class LivePlan(AfbpPlan):
         sub-aperture, likewise.
     """
 
+    grid: MapGrid
     length: int
     limit_db: float
     map_cover: PolarCover
