@@ -28,6 +28,7 @@ import numpy as np
 from tqdm import tqdm
 
 from benchmarks.support.random_cases import FAMILIES, RandomCase, random_case
+from sar_imaging.geometry import MapGrid, PlaneGrid, VolumeGrid
 from sar_imaging.imaging.correlation import correlate
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.quality.verification import measure_error
@@ -76,6 +77,28 @@ def ffbp(case: RandomCase, rng):
     report = image.report
     return image.samples, report.predicted_error_db, report.warnings, slice(None), {
         'target_db': target_db, 'kernel': report.plan.sampling.kernel}
+
+
+def few_cells(case: RandomCase, rng):
+    """Exact image or FFBP of the profiles, of some pixels within the map, around it and above."""
+    p, spacing, half_m = case.profiles, case.grid.spacing_m, np.zeros(3)
+    half_m[:2] = 0.25 * spacing * np.array([case.grid.n_x, case.grid.n_y])
+    middle = case.grid.centre_m + rng.uniform(-half_m, half_m)
+    method = 'ffbp' if rng.random() < 0.3 else 'exact'
+    n_axes = 2 if method == 'ffbp' else int(rng.integers(2, 4))
+    n = rng.integers(2, 40 if n_axes == 2 else 14, n_axes)
+    if method == 'ffbp':
+        grid = MapGrid(tuple(middle), *map(int, n), spacing * rng.uniform(0.5, 1.5))
+    else:
+        axes = np.linalg.qr(rng.normal(size=(3, 3)))[0] if rng.random() < 0.5 else np.eye(3)
+        steps = (axes * spacing * rng.uniform(0.5, 1.5, (3, 1)))[:n_axes]
+        grid = (PlaneGrid if n_axes == 2 else VolumeGrid)(
+            tuple(middle - (n - 1) / 2 @ steps), *map(tuple, steps), *map(int, n))
+    target_db = -rng.uniform(45, 90)
+    image = plan_image(grid, p.radar, p.n_samples, method=method, target_db=target_db)(p)
+    report = image.report
+    return image.samples, report.predicted_error_db, report.warnings, slice(None), {
+        'target_db': target_db, 'method': method, 'grid': grid}
 
 
 def live(case: RandomCase, rng):
@@ -127,7 +150,7 @@ def form_live(grid, block, target_db: float, length: int, *, sliding: bool, illu
 
 #: Imagers, and in one of how many cases each has its turn.
 IMAGERS = {'exact': (exact, 1), 'afbp': (afbp, 1), 'ffbp': (ffbp, 8), 'live': (live, 8),
-           'sliding': (sliding, 16)}
+           'sliding': (sliding, 16), 'few cells': (few_cells, 4)}
 
 
 def measure(case: RandomCase, name: str) -> dict:
@@ -146,18 +169,20 @@ def measure(case: RandomCase, name: str) -> dict:
         return {'refused': str(reason)}
     except Exception:
         return {'crash': traceback.format_exc()}
+    grid = more.pop('grid', case.grid)
+    pulses = (case.pulses if grid is case.grid else case.profiles).select(pulses)
+    scale = np.float32(case.scale if grid is case.grid else 1.0)
     entry = {'predicted_db': predicted_db, 'warnings': list(warnings), **more}
     # Few pixels tell an error in few places badly: what seems to exceed is compared whole.
     for n_pixels in (120, image.size):
         try:
-            found = measure_error(image * np.float32(case.scale), case.grid,
-                                  case.pulses.select(pulses), n_pixels=n_pixels, n_brightest=80)
+            found = measure_error(image * scale, grid, pulses, n_pixels=n_pixels,
+                                  n_brightest=80)
             entry['error_db'] = found.error_db
         except ValueError as reason:  # profiles cover no pixel
             if _warned(entry):  # they end within the map: there is nothing to compare
                 return {'not_judged': str(reason), 'warnings': list(warnings)}
-            entry['error_db'] = _periodic_error_db(image * np.float32(case.scale), case.grid,
-                                                   case.pulses.select(pulses))
+            entry['error_db'] = _periodic_error_db(image * scale, grid, pulses)
         if not exceeds(entry):
             break
     return entry

@@ -9,12 +9,11 @@ What is bright beyond an image cancels out in it, its errors hardly do.
 from __future__ import annotations
 
 import math
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
 from ..device_arrays import to_host
-from ..planning.exact.backprojection import BackprojectionPlan
 from .image import Report
 
 # By how much the errors of echoes that see an image alike add up, and at most: as echoes add up
@@ -32,7 +31,8 @@ def judged(report: Report, samples: np.ndarray, n_pixels: int) -> Report:
     Parameters
     ----------
     report : Report
-        As planned, with the power of the pulses; any other is returned as it is.
+        As planned, with the power of the pulses and a plan that tells `echoes_alike`; any other
+        is returned as it is.
     samples : complex64 array
         The image, or those of several channels one after the other, here or on a device.
     n_pixels : int
@@ -49,7 +49,7 @@ def judged(report: Report, samples: np.ndarray, n_pixels: int) -> Report:
     power = _power(flat)
     if power > bright:
         return report
-    alike = cast(BackprojectionPlan, report.plan).echoes_alike
+    alike = cast(Any, report.plan).echoes_alike
     expected = most * min(alike * _ALIKE / _MOST_ALIKE, 1.0)
     dark_db = min(10 * math.log10(expected / power), _MOST_DB) if power else _MOST_DB
     if dark_db <= _LEAST_DB:

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 _FAINT = 1.645  # standard deviations: one scene of twenty is fainter
 _MOST_EMPTY = 16  # cells to each echo's share
 _ALIKE = 0.8  # brightness of the faintest place over the others', above which nothing is faint
+_FOR_CELLS = 128  # echoes
+# Of 315 tiny images 99 of 100 err less than predicted with this, and all but 2 dB more (measured)
+_MANY_CELLS, _FEW_CELLS, _FEW_CELLS_DB = 64, 16, 7.5
 _LONELY = 0.4  # share of an echo, half of it at the ends of tracks, below which noise tells more
 
 
@@ -70,6 +73,28 @@ def echoes_alike(tx_m: np.ndarray, rx_m: np.ndarray, centre_m: ArrayLike, sides_
     """
     count, alone, _ = _echoes_alike(tx_m, rx_m, centre_m, sides_m, radar)
     return max(float(count.sum() / alone.sum()), 1.0)
+
+
+def echo_cells(tx_m: np.ndarray, rx_m: np.ndarray, centre_m: ArrayLike, sides_m: ArrayLike,
+               radar: RadarParameters) -> float:
+    """Number of resolution cells in an image, 1 at least: ranges, times echoes that differ in it.
+
+    Arguments as of `echo_power`. Of many echoes some are looked at: more than these are not told
+    apart.
+    """
+    step = -(-len(tx_m) // _FOR_CELLS)
+    count, alone, n_ranges = _echoes_alike(tx_m[::step], rx_m[::step], centre_m, sides_m, radar)
+    return n_ranges * len(count) / max(float(count.sum() / alone.sum()), 1.0)
+
+
+def chance_db(n_cells: float, of_many_db: float) -> float:
+    """By how much an image may err more than predicted by chance, dB.
+
+    It has `n_cells` resolution cells, and errs `of_many_db` more where these are many. What few
+    cells hold may be far darker than the scene around them, whose echoes bring the error.
+    """
+    few = math.log(_MANY_CELLS / n_cells) / math.log(_MANY_CELLS / _FEW_CELLS)
+    return of_many_db + min(max(few, 0.0), 1.0) * max(_FEW_CELLS_DB - of_many_db, 0.0)
 
 
 def _echoes_alike(tx_m: np.ndarray, rx_m: np.ndarray, centre_m: ArrayLike, sides_m: ArrayLike,

@@ -12,7 +12,7 @@ from sar_imaging.backends.cpu.profiles import spectra
 from sar_imaging.geometry import MapGrid
 from sar_imaging.imaging.correlation import correlate_profiles
 from sar_imaging.imaging.imager import plan_image
-from sar_imaging.planning.echo_power import echo_power, echo_powers
+from sar_imaging.planning.echo_power import chance_db, echo_cells, echo_power, echo_powers
 from sar_imaging.planning.interpolators import design_interpolator
 from sar_imaging.planning.profiles import RangeGate
 from sar_imaging.signal.pulses import PulseBlock
@@ -65,6 +65,27 @@ def test_what_one_place_sees_may_be_faint():
     assert len(echo_powers(track[:100], track[:100], (0.0, 0.0, 0.0), sides, radar)) == 1
     sides[0][0] = 4000.0
     assert len(echo_powers(track, track, (0.0, 0.0, 0.0), sides, radar)) == 2
+
+
+@pytest.mark.parametrize('side_m', [2.0, 5.0, 10.0])
+def test_resolution_cells_are_those_of_the_textbook(side_m):
+    """Of a broadside track: band over c / 2, and angle over half a wavelength.
+
+    Echoes are shared out to two neighbouring cells each, which makes of n effectively 2 n / 3.
+    """
+    radar = RadarParameters(10e9, 300e6, 400e6, first_sample_delay_s=6e-6)
+    track = np.c_[np.full(400, -1e3), np.linspace(-50, 50, 400), np.zeros(400)]
+    cells = (side_m * 2 * radar.bandwidth_hz / SPEED_OF_LIGHT) * (
+        side_m * 2 / radar.wavelength_m * 0.1)
+    found = echo_cells(track, track, np.zeros(3), side_m * np.eye(3)[:2], radar)
+    assert found == pytest.approx(2 / 3 * cells, rel=0.1)
+    assert echo_cells(track, track, np.zeros(3), np.zeros((2, 3)), radar) == pytest.approx(1.0)
+
+
+def test_few_cells_err_more_by_chance_and_many_do_not():
+    chances = [chance_db(n, 0.5) for n in (1, 16, 20, 40, 64, 1e6)]
+    assert chances == sorted(chances, reverse=True)
+    assert chances[0] == chances[1] > 6.0 and chances[-2] == chances[-1] == 0.5
 
 
 def test_error_at_a_frequency_is_that_of_a_tone():

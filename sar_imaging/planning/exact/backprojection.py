@@ -22,7 +22,7 @@ from ...geometry.half_paths import Paths, half_paths, sample_paths
 from ...signal.radar import RadarParameters
 from ..ambiguities import azimuth_warnings
 from ..costs import costs
-from ..echo_power import echo_powers, echoes_alike
+from ..echo_power import chance_db, echo_powers, echoes_alike
 from ..plan import Plan, total_db
 from ..profiles import (
     PhaseHistory,
@@ -42,9 +42,11 @@ from .points import (
     ImagePoints,
     PointPlan,
     draw,
+    extent,
     plan_even_points,
     plan_points,
     point_operations,
+    resolved_cells,
 )
 
 if TYPE_CHECKING:
@@ -209,6 +211,8 @@ class BackprojectionPlan(Plan):
         Phase centres of the echoes that it is for, metres.
     route : GroupPlan, PolarPlan, LinePlan or PointPlan
         The quickest of these.
+    chance_db : float
+        What the error of an image may exceed that of its route by chance, dB.
     illumination : Illumination or None
         Illumination of the echoes; None where they light all pixels alike.
     """
@@ -220,20 +224,13 @@ class BackprojectionPlan(Plan):
     range_m: tuple[float, float]
     route: GroupPlan | PolarPlan | LinePlan | PointPlan
     warnings: tuple[str, ...]
+    chance_db: float
     illumination: Illumination | None = None
 
     @functools.cached_property
     def echoes_alike(self) -> float:
         """Mean number of echoes that an image does not tell apart, see `planning.echo_power`."""
-        if isinstance(self.grid, ImagePoints):
-            some = self.grid.some()
-            centre, sides = some.mean(axis=0), np.diag(np.ptp(some, axis=0))
-        else:
-            shape = np.array(self.grid.shape)
-            centre = self.grid.origin_m + shape / 2 @ self.grid.steps_m
-            sides = self.grid.steps_m * shape[:, None]
-        longest = np.argsort(np.linalg.norm(sides, axis=1))[-2:]
-        return echoes_alike(self.tx_m, self.rx_m, centre, sides[longest], self.radar)
+        return echoes_alike(self.tx_m, self.rx_m, *extent(self.grid), self.radar)
 
     @property
     def method(self) -> str:
@@ -244,7 +241,7 @@ class BackprojectionPlan(Plan):
     def errors_db(self) -> Mapping[str, float]:
         """Predicted error against time-domain correlation by cause, dB."""
         own = total_db(*self.route.errors_db.values())
-        chance = own + 10 * math.log10(10 ** (_CHANCE_DB / 10) - 1)
+        chance = own + 10 * math.log10(10 ** (self.chance_db / 10) - 1)
         return {**self.route.errors_db, 'chance': chance}
 
     @property
@@ -290,7 +287,8 @@ def plan_backprojection(grid: _Even | ImagePoints, radar: RadarParameters, n_sam
         (`BeyondPeriod`).
     """
     asked_db = target_db
-    target_db = max(target_db - _CHANCE_DB - _LIT_DB * (illumination is not None),
+    may_err_db = chance_db(resolved_cells(grid, tx_m, rx_m, radar), _CHANCE_DB)
+    target_db = max(target_db - may_err_db - _LIT_DB * (illumination is not None),
                     LEAST_TARGET_DB)
     route: _Route
     if isinstance(grid, ImagePoints):
@@ -315,7 +313,7 @@ def plan_backprojection(grid: _Even | ImagePoints, radar: RadarParameters, n_sam
         beyond = end_warnings(route.errors_db['ends of profiles'], asked_db)
     warnings = (*beyond, *azimuth_warnings(some, tx_m, rx_m, radar, illumination))
     return BackprojectionPlan(grid, radar, tx_m.copy(), rx_m.copy(), range_m, route, warnings,
-                              illumination)
+                              may_err_db, illumination)
 
 
 def _check_reach(range_m: tuple[float, float], radar: RadarParameters, n_samples: int,

@@ -21,6 +21,7 @@ from ...geometry.grids import (
     VolumeGrid,
 )
 from ...geometry.half_paths import half_paths
+from ..echo_power import echo_cells
 from ..plan import EXACT_SHARES, Plan, error_budget
 from ..profiles import PhaseHistory, RangeGate, RangeResampling, mean_db, plan_point_resampling
 
@@ -151,6 +152,24 @@ def draw(shape: Sequence[int], n: int) -> list[np.ndarray]:
     """Numbers of n pixels all over an image along each of its axes, (n,) int64 each."""
     rng = np.random.default_rng(0)
     return [rng.integers(0, size, n) for size in shape]
+
+
+def extent(grid: EvenGrid | ImagePoints) -> tuple[np.ndarray, np.ndarray]:
+    """Middle of an image, (3,), and its two longest sides, (2, 3), metres."""
+    if isinstance(grid, ImagePoints):
+        some = grid.some()
+        centre, sides = some.mean(axis=0), np.diag(np.ptp(some, axis=0))
+    else:
+        shape = np.array(grid.shape)
+        centre = grid.origin_m + shape / 2 @ grid.steps_m
+        sides = grid.steps_m * shape[:, None]
+    return centre, sides[np.argsort(np.linalg.norm(sides, axis=1))[-2:]]
+
+
+def resolved_cells(grid: EvenGrid | ImagePoints, tx_m: np.ndarray, rx_m: np.ndarray,
+                   radar: RadarParameters) -> float:
+    """Number of resolution cells in an image of echoes from (R, 3), metres; pixels at most."""
+    return min(echo_cells(tx_m, rx_m, *extent(grid), radar), math.prod(grid.shape))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
