@@ -27,6 +27,7 @@ from ..profiles import PhaseHistory, RangeGate, RangeResampling, mean_db, plan_p
 
 if TYPE_CHECKING:
     from ...geometry.illumination import Illumination
+    from ...signal.radar import RadarParameters
     from .illumination import PointAmplitudes
 
 # Rms error of a path in float32 over the radius of its tile; 1.4e-8 to 1.7e-8 were measured
