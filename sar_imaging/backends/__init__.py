@@ -14,7 +14,7 @@ import functools
 import importlib
 import logging
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from ..planning.costs import tell_costs
 from .device import DeviceError, device_backend, require_device
@@ -84,7 +84,7 @@ def backend(name: str | Backend = AUTO, plan: Plan | None = None) -> Backend:
     if missing := [e for e in _ENTRIES if not callable(getattr(name, e, None))]:
         raise ValueError(f'backend={name!r}; expected {", ".join((AUTO, *BACKENDS))}, or an '
                          f'object that has {", ".join(missing)}, too')
-    return name
+    return cast('Backend', name)  # for it has all of them
 
 
 @functools.cache
@@ -165,8 +165,9 @@ def compile_beforehand(*entries: str, name: str | Backend = AUTO) -> None:
     >>> compile_beforehand('form_map', name='reference')  # nothing is compiled
     """
     compile_kernels = getattr(backend(name), 'compile_kernels', None)
-    for entry in entries if compile_kernels else ():
-        compile_kernels(entry)
+    if compile_kernels is not None:
+        for entry in entries:
+            compile_kernels(entry)
 
 
 def compilation_announced() -> contextlib.AbstractContextManager[None]:

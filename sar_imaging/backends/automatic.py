@@ -13,7 +13,7 @@ import logging
 import os
 from collections.abc import Mapping
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,12 +23,14 @@ from ..planning.afbp.polar_grids import UnifiedPolarGrids
 from ..planning.afbp.subapertures import SubaperturePlan
 from ..planning.costs import costs
 from ..planning.exact.backprojection import BackprojectionPlan
-from ..planning.plan import Plan
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from . import cpu, device
 from .device import DeviceError
 from .protocol import Backend
+
+if TYPE_CHECKING:
+    from ..planning.afbp.plan import AfbpPlan
 
 _logger = logging.getLogger(__name__)
 _BYTES = 8  # of a complex sample
@@ -41,9 +43,14 @@ def __getattr__(name: str) -> Any:
     return getattr(cpu, name)
 
 
-def quicker(plan: Plan) -> Backend | ModuleType:
+def _there() -> Any:
+    """The device's backend: this one is chosen where there is a device."""
+    return device.device_backend()
+
+
+def quicker(plan: BackprojectionPlan | AfbpPlan) -> Backend | ModuleType:
     """The backend that computes a plan sooner, by predicted times; the log says why."""
-    there = device.device_backend()
+    there = _there()
     return _sooner(there, there.seconds(plan), plan.seconds, 'the image')
 
 
@@ -69,7 +76,8 @@ class Backprojection:
 
     def __init__(self, plan: BackprojectionPlan, memory: object = None) -> None:
         self.plan, self._memory = plan, memory
-        self.name, self._sum = 'cpu', None
+        self.name = 'cpu'
+        self._sum: Any = None
         chosen = quicker(plan)
         if chosen is not cpu:
             try:
@@ -89,12 +97,13 @@ class Backprojection:
         """Add echoes to an image, see `backends.protocol.Backprojection`."""
         if self.name == 'cuda':
             try:
-                return self._sum.add(samples, tx_m, rx_m, image)
+                self._sum.add(samples, tx_m, rx_m, image)
+                return
             except DeviceError as error:  # the image is as it was
                 self._give_up(error)
         if self._sum is None:
             self._sum = cpu.Backprojection(self.plan, self._memory)
-        return self._sum.add(_fetched(samples), tx_m, rx_m, image)
+        self._sum.add(_fetched(samples), tx_m, rx_m, image)
 
     def _give_up(self, error: DeviceError) -> None:
         _logger.warning(f'{error}; the processor computes')
@@ -106,8 +115,9 @@ class _Handed:
 
     def __init__(self, device_s: float, thread_s: float, what: str, *made: Any, **options: Any
                  ) -> None:
-        self._made, self._options, self._on_device, self._work = made, options, False, None
-        there = device.device_backend()
+        self._made, self._options, self._on_device = made, options, False
+        self._work: Any = None
+        there = _there()
         if _sooner(there, device_s, thread_s, what) is not cpu:
             try:
                 self._work = getattr(there, type(self).__name__)(*made, **options)
@@ -229,7 +239,7 @@ def form_map(polar_image: np.ndarray, fusion: UnifiedPolarGrids, grid: MapGrid,
              centre_m: float = 0.0, *, overwrite: bool = False) -> np.ndarray:
     """Map where it is formed, see `backends.protocol.Backend`; a polar image of a device there."""
     counts, n_pixels = {'map_pixel': grid.n_x * grid.n_y}, polar_image[0].size
-    there = device.device_backend()
+    there = _there()
     if not on_device(polar_image):
         there = _sooner(there, _device_seconds(counts, _BYTES * (n_pixels + grid.n_x * grid.n_y)),
                         costs().seconds(counts), 'a map')
@@ -256,11 +266,11 @@ def _fetched(array: Any) -> Any:
 def sooner_there(counts: Mapping[str, float], n_samples: int, what: str) -> bool:
     """Whether the device does operations sooner, with so many samples sent there or fetched."""
     device_s = _device_seconds(counts, _BYTES * n_samples)
-    return _sooner(device.device_backend(), device_s, costs().seconds(counts), what) is not cpu
+    return _sooner(_there(), device_s, costs().seconds(counts), what) is not cpu
 
 
 def _device_seconds(counts: Mapping[str, float], n_bytes: float) -> float:
-    return device.device_backend().device_costs().seconds({**counts, 'transferred_byte': n_bytes})
+    return _there().device_costs().seconds({**counts, 'transferred_byte': n_bytes})
 
 
 def _processors() -> int:

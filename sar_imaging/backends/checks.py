@@ -13,7 +13,7 @@ import functools
 import inspect
 import traceback
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -64,9 +64,9 @@ class CheckScene:
     @property
     def echoes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Samples, transmitters and receivers with one echo per pulse and channel."""
-        block = self.block
-        return (block.samples.reshape(-1, block.n_samples), block.tx_m.reshape(-1, 3),
-                block.rx_m.reshape(-1, 3))
+        tx_m, rx_m = self.block.centres_m
+        return (self.block.samples.reshape(-1, self.block.n_samples), tx_m.reshape(-1, 3),
+                rx_m.reshape(-1, 3))
 
     def correlation(self, points_m: np.ndarray, factors: float | np.ndarray = 1.0, *,
                     illuminated: bool = False) -> np.ndarray:
@@ -209,10 +209,11 @@ def run_checks(checks: Mapping[str, Callable[..., str]], of: str, *arguments: An
         try:
             found.append(f'{title}: {check(*arguments)}')
         except Exception as error:  # whatever the checked code raises is a finding
+            what = ''
             if not isinstance(error, ValueError):
                 place = traceback.extract_tb(error.__traceback__)[-1]
-                error = f'{type(error).__name__} in {place.name}, line {place.lineno}: {error}'
-            faults.append(f'{title}: {error}')
+                what = f'{type(error).__name__} in {place.name}, line {place.lineno}: '
+            faults.append(f'{title}: {what}{error}')
     if faults:
         raise ValueError(f'{of}: {len(faults)} of {len(checks)} checks failed\n- '
                          + '\n- '.join(faults))
@@ -282,20 +283,22 @@ def _check_exact(made: protocol.Backend, route: str, **options: Any) -> str:
     if route == 'groups' and not getattr(made, 'GROUPS', False):
         return 'not offered: GROUPS is not true'
     scene = make_scene(**options)
-    grid, block, echoes = scene.grid, scene.block, scene.echoes
-    x, y, z = grid.centre_m
+    grid: MapGrid | PlaneGrid | VolumeGrid = scene.grid
+    block, echoes = scene.block, scene.echoes
+    x, y, z = scene.grid.centre_m
     if route == 'wall':
         grid = PlaneGrid((x, y - 5.0, z), (0.02, 0.25, 0.0), (0.1, 0.0, 0.3), 40, 20)
     elif route == 'volume':
         grid = VolumeGrid((x - 4.0, y - 4.0, z), (0.25, 0.0, 0.0), (0.0, 0.25, 0.01),
                           (0.0, 0.0, 0.5), 30, 25, 3)
-    points, pixels, illumination = grid.points(), grid, None
+    points, illumination = grid.points(), None
+    pixels: MapGrid | PlaneGrid | VolumeGrid | ImagePoints = grid
     if route == 'hills':
         points[..., 2] += 3.0 * np.exp(-(points[..., 1] / 4.0) ** 2)
         points[5, 7, 2] = np.nan
         pixels = ImagePoints.of_grid(PointGrid(points))
     elif route == 'illuminated':
-        illumination = Illumination.of_pulses(PATTERN, block.pointing, block.tx_m, block.rx_m)
+        illumination = Illumination.of_pulses(PATTERN, block.pointing, *block.centres_m)
     known, scale = np.isfinite(points).all(axis=-1), 1.0 if block.compressed else block.n_samples
     wanted = np.where(known, scene.correlation(
         np.nan_to_num(points), illuminated=illumination is not None), 0) / scale
@@ -305,19 +308,22 @@ def _check_exact(made: protocol.Backend, route: str, **options: Any) -> str:
         plan = plan_backprojection(pixels, radar, block.n_samples, *echoes[1:], target_db,
                                    illumination, band=band)
         if route in ('polar', 'parts'):  # a route for larger images than these
-            plan = dataclasses.replace(plan, route=plan_polar(
-                grid, *echoes[1:], radar, block.n_samples, target_db, band=band))
+            polar = plan_polar(scene.grid, *echoes[1:], radar, block.n_samples, target_db,
+                               band=band)
+            assert polar is not None
+            plan = dataclasses.replace(plan, route=polar)
         elif route == 'groups':
             with using(dataclasses.replace(costs(), point_pixel=1e6)):
-                plan = dataclasses.replace(plan, route=plan_groups(
-                    grid, radar, block.n_samples, *echoes[1:], plan.range_m, target_db,
-                    band=band))
+                groups = plan_groups(scene.grid, radar, block.n_samples, *echoes[1:],
+                                     plan.range_m, target_db, band=band)
+            assert groups is not None
+            plan = dataclasses.replace(plan, route=groups)
         image = np.zeros(grid.shape, np.complex64)
         made.Backprojection(plan).add(*echoes, image)
         if not (image[~known] == 0).all():
             raise ValueError(f'expected 0 at pixels whose position is NaN, got {image[~known]}; '
                              'leave them as they are')
-        told = agrees(image, wanted, plan.predicted_error_db + CHANCE_DB)
+        told = agrees(image, wanted, total_db(*plan.errors_db.values()) + CHANCE_DB)
     return told
 
 
@@ -326,7 +332,7 @@ def _afbp_plan(scene: CheckScene, target_db: float, route: str, illumination: Il
     """Plan of the sub-apertures, and the predicted error of the map."""
     grid, block = scene.grid, scene.block
     band = None if block.compressed else PhaseHistory(block.radar, block.n_samples)
-    centres = block.tx_m, block.rx_m
+    centres = block.centres_m
     cover, polar_db = cover_for_fusion(grid, *centres, block.radar, block.n_samples, target_db,
                                        band)
     plan = plan_subapertures(cover.polar, block.radar, block.n_samples, *centres,
@@ -334,11 +340,13 @@ def _afbp_plan(scene: CheckScene, target_db: float, route: str, illumination: Il
                              pulses_per_subaperture=16 if route == 'beams' else 48)
     beams = None
     if route == 'beams':  # a route for larger images than these
-        some = [tuple(a[p].reshape(-1, 3) for a in centres) for p in plan.sampling.pulses]
+        some = [(centres[0][p].reshape(-1, 3), centres[1][p].reshape(-1, 3))
+                for p in plan.sampling.pulses]
         beams = plan_beams(plan.coarse, plan.radar, plan.resampling, some, target_db - 6.0,
                            plan.range_m[1] - plan.range_m[0])
     plan = dataclasses.replace(plan, beams=beams)
-    return plan, total_db(plan.predicted_error_db, cover.polar_to_map_db, cover.profile_db)
+    own_db = total_db(*plan.errors_db.values())
+    return plan, total_db(own_db, cover.polar_to_map_db, cover.profile_db)
 
 
 def _check_afbp(made: protocol.Backend, route: str, **options: Any) -> str:
@@ -348,7 +356,7 @@ def _check_afbp(made: protocol.Backend, route: str, **options: Any) -> str:
     scene = make_scene(pulses=144, **options)
     block, grid, illumination = scene.block, scene.grid, None
     if route == 'illuminated':
-        illumination = Illumination.of_pulses(PATTERN, block.pointing, block.tx_m, block.rx_m)
+        illumination = Illumination.of_pulses(PATTERN, block.pointing, *block.centres_m)
     weights = (0.5 + 0.5 * np.sin(0.02 * np.arange(block.n_pulses))).astype(np.float32)
     factors = weights[:, None, None] / (1 if block.compressed else block.n_samples)
     wanted, told = scene.correlation(grid.points(), factors,
@@ -409,7 +417,7 @@ def _check_refusals(made: protocol.Backend) -> str:
              lambda: fusion.add(1, np.zeros(3), 0.0)),
             ('a centre that is not finite', 'centre_m=nan', lambda: fusion.add(1, image, np.nan)),
             ('a grid that is not for a map', 'not sampled finely enough',
-             lambda: made.form_map(image, whole, None))):
+             lambda: made.form_map(image, whole, cast(Any, None)))):
         try:
             action()
         except ValueError as error:
@@ -439,11 +447,12 @@ def _check_correlation(made: protocol.Backend) -> str:
 
 
 def _check_trial_images(made: protocol.Backend) -> str:
-    if getattr(made, 'TrialImages', None) is None:
+    trials = getattr(made, 'TrialImages', None)
+    if trials is None:
         return 'not offered'
     scene = make_scene(1000.0, apart_m=40.0)
     samples, tx_m, rx_m = scene.echoes
-    trial, step_m = made.TrialImages(scene.block.radar, samples), np.array([0.25, 0.0, 0.0])
+    trial, step_m = trials(scene.block.radar, samples), np.array([0.25, 0.0, 0.0])
     starts = np.array(scene.grid.centre_m) + np.c_[np.linspace(-5, 1, 40), np.linspace(-5, 5, 40),
                                                    np.zeros(40)]
     points = starts[:, None] + np.arange(trial.length)[:, None] * step_m

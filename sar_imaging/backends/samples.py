@@ -13,8 +13,8 @@ import numpy as np
 
 from ..device_arrays import on_device, to_host
 from ..signal.pulses import PulseBlock
-from . import AUTO, CUDA, backend as find_backend, require_device
-from .device import DeviceError, device_backend
+from . import AUTO, CUDA, backend as find_backend
+from .device import DeviceError, device_backend, require_device
 
 if TYPE_CHECKING:
     from ..signal.range_compression import RangeCompressor

@@ -82,7 +82,7 @@ def calibrate(block: PulseBlock, grid: MapGrid, *, reflector_m: ArrayLike | None
         reflector_m = find_reflector(profiles, points)
     if reflector_m is not None:
         calibration = calibrate_at_reflector(profiles, reflector_m)
-        how = 'reflector at ({:.3f}, {:.3f}, {:.3f}) m'.format(*reflector_m)
+        how = 'reflector at ({:.3f}, {:.3f}, {:.3f}) m'.format(*np.asarray(reflector_m))
     else:
         result = balance_channels(profiles, points)
         calibration = result.calibration

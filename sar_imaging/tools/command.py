@@ -98,8 +98,9 @@ def overview() -> str:
 
 def _purpose(module: str) -> str:
     """First line of a module's docstring, without loading what it imports."""
-    path = Path(importlib.util.find_spec(f'sar_imaging.tools.{module}').origin)
-    return ast.get_docstring(ast.parse(path.read_text())).split('\n')[0]
+    found = importlib.util.find_spec(f'sar_imaging.tools.{module}')
+    assert found is not None and found.origin is not None
+    return (ast.get_docstring(ast.parse(Path(found.origin).read_text())) or '').split('\n')[0]
 
 
 if __name__ == '__main__':

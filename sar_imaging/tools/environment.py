@@ -16,6 +16,7 @@ import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import sar_imaging
 from sar_imaging.memory import available_bytes
@@ -75,8 +76,9 @@ def _kernels() -> str:
         import numba
     except ImportError as error:
         return f'none: {error}'
+    config: Any = numba.config  # whose names it makes
     return (f'compiled for {llvmlite.binding.get_host_cpu_name()}, '
-            f'{numba.config.NUMBA_NUM_THREADS} threads')
+            f'{config.NUMBA_NUM_THREADS} threads')
 
 
 def _ros() -> str:
@@ -89,7 +91,7 @@ def _ros() -> str:
 
 
 def _device() -> str:
-    from sar_imaging.backends import DeviceError, require_device
+    from sar_imaging.backends.device import DeviceError, require_device
 
     try:
         return require_device().device_name()

@@ -190,8 +190,10 @@ def _replay(recording: Recording, arguments: argparse.Namespace, names: Sequence
             sent_s = _send(recording, aperture, replayer, arguments.rate, bar)
             _await_image(observer, aperture, arguments.timeout, check, bar)
         counters = _await_counters(observer, arguments.timeout, check)
-        return _Result(aperture, length, observer.image, observer.image.received_s - sent_s,
-                       observer.grid, counters, _predicted_error_db(observer, counters),
+        image, grid = observer.image, observer.grid
+        assert image is not None and grid is not None  # which were waited for
+        return _Result(aperture, length, image, image.received_s - sent_s, grid, counters,
+                       _predicted_error_db(observer, counters),
                        observer.autofocus.get(aperture.number))
 
 
@@ -334,6 +336,7 @@ def _on_the_earth(datum: Datum | None, scatterer: ScattererQuality, grid: MapGri
 
 def _measure_one(recording: Recording, result: _Result, grid: MapGrid,
                  scatterer: dict[str, Any]) -> ScattererQuality:
+    assert recording.truth is not None  # whose scatterers are measured
     half_width = recording.truth['cut_half_width_m']
     return measure_scatterer(
         result.received.image, grid, scatterer['position_m'],

@@ -91,7 +91,7 @@ def told_of_scene(loaded: Loaded) -> tuple[str, ...]:
         Pulses with positions or poses.
     """
     some = loaded.block.select(slice(None, None, -(-loaded.block.n_pulses // _LOOKED_AT)))
-    told = ()
+    told: tuple[str, ...] = ()
     if loaded.poses is not None:
         some, told = _located(some, loaded)
     told += _still(some) + _out_of_reach(some, loaded.scene.grid)
@@ -116,7 +116,7 @@ def _located(block: PulseBlock, loaded: Loaded) -> tuple[PulseBlock, tuple[str, 
 
 
 def _still(block: PulseBlock) -> tuple[str, ...]:
-    centre = (0.5 * (block.tx_m + block.rx_m)).reshape(-1, 3)
+    centre = (0.5 * np.add(*block.centres_m)).reshape(-1, 3)
     extent_m, mean = float(np.linalg.norm(np.ptp(centre, axis=0))), centre.mean(axis=0)
     wavelength_m = block.radar.wavelength_m
     if block.n_pulses < 2 or extent_m > wavelength_m / 2:
@@ -152,9 +152,10 @@ def _out_of_reach(block: PulseBlock, grid: MapGrid) -> tuple[str, ...]:
 def _dark(block: PulseBlock, grid: MapGrid, pattern: AntennaPattern) -> tuple[str, ...]:
     rows, columns = (np.unique(np.linspace(0, n - 1, _SIDE).astype(int)) for n in grid.shape)
     places = grid.positions(rows[:, None], columns).reshape(-1, 3)
-    illumination = Illumination.of_pulses(pattern, block.pointing, block.tx_m, block.rx_m)
+    illumination = Illumination.of_pulses(pattern, block.pointing, *block.centres_m)
     if illumination.amplitude(places).any():
         return ()
+    assert block.pointing is not None  # which patterns come with
     looks = block.pointing.boresight[0].round(2) + 0.0  # no -0.00
     return ('the antenna never looks at the scene, whose image would be empty: at the first pulse '
             f'it looks towards ({looks[0]:.2f}, {looks[1]:.2f}, {looks[2]:.2f}); check '

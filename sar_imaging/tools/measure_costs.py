@@ -12,6 +12,7 @@ import argparse
 import dataclasses
 import sys
 from pathlib import Path
+from typing import Any
 
 from sar_imaging.backends import CUDA, backend
 from sar_imaging.files import check_target
@@ -45,7 +46,8 @@ def run(arguments: argparse.Namespace) -> str:
     from sar_imaging.tools import costs
 
     name = CUDA if device else 'cpu'
-    usual = backend(CUDA).DEFAULT if device else DEFAULT
+    made: Any = backend(name)
+    usual = made.DEFAULT if device else DEFAULT
     model, predicted = costs.solve(costs.measure(name, progress=True), usual)
     model.write(path)
     return (f'{table(model, usual)}\n\nWith them the predicted times of {len(predicted)} '
@@ -63,14 +65,14 @@ def table(model: CostModel, usual: CostModel = DEFAULT) -> str:
 
 
 def _usage(path: Path, device: bool) -> str:
+    made: Any = backend(CUDA if device else 'cpu')
     if device:
         return (f'Written to {path}. Programs and nodes that start with\n\n'
-                f'    export {backend(CUDA).VARIABLE}={path.absolute()}\n\n'
+                f'    export {made.VARIABLE}={path.absolute()}\n\n'
                 "compute on the device, with backend 'auto', what is done there sooner by these "
                 'costs.\nPlans stay the same.')
-    variable = backend('cpu').VARIABLE
     return (f'Written to {path}. Programs and nodes that start with\n\n'
-            f'    export {variable}={path.absolute()}\n\n'
+            f'    export {made.VARIABLE}={path.absolute()}\n\n'
             'plan with these costs. Their plans, and the last bits of their images, then differ '
             'from\nthose of other machines.')
 

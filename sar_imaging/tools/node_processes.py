@@ -89,8 +89,8 @@ def parameters_from_truth(truth: Mapping[str, Any], mode: str = 'image', *,
 def _antenna_parameters(truth: Mapping[str, Any], pattern_file: str
                         ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Parameters of pulse_buffer and backprojection for a recording that tells its antenna."""
-    antenna, mount = (kind.from_dict(truth[name]) if name in truth else None
-                      for name, kind in (('antenna', Antenna), ('mount', Mount)))
+    antenna = Antenna.from_dict(truth['antenna']) if 'antenna' in truth else None
+    mount = Mount.from_dict(truth['mount']) if 'mount' in truth else None
     return antenna_parameters(antenna, mount, pattern_file)
 
 

@@ -119,7 +119,7 @@ def plan_launch(arguments: argparse.Namespace, truth: Mapping[str, Any] | None) 
         raise LaunchError(f'mode: {mode} publishes points of a volume, and evaluate measures '
                           f'images; give --mode {MODES[0]} to measure the lowest layer, or form '
                           'the volume by sar-imaging image --height')
-    parameters = {} if config else _parameters(truth, mode, arguments.output)
+    parameters = {} if config or truth is None else _parameters(truth, mode, arguments.output)
     if arguments.pipeline and parameters:
         parameters = pipeline_parameters(parameters)
     values = [*_patience(files).items(), *arguments.values, ('mode', mode)]

@@ -235,7 +235,8 @@ class Replayer:
         self.progress = message.data
         # blocks are finished in the order sent: everything before a finished one is done or lost
         finished = [i for i, m in enumerate(self._flight)
-                    if counter_distance(m.block.counter[-1], message.data) <= 0]
+                    if m.block is not None
+                    and counter_distance(m.block.counter[-1], message.data) <= 0]
         for _ in range(finished[-1] + 1 if finished else 0):
             self._flight.popleft()
 

@@ -22,7 +22,7 @@ from ...formats.cphd import Collection, CphdError, CphdReader, write_cphd
 from ...geometry.antenna import Antenna
 from ...geometry.earth import Datum
 from ...geometry.grids import MapGrid
-from ...geometry.illumination import AntennaPattern, Illumination
+from ...geometry.illumination import AntennaPattern
 from ...recordings.bag_io import (
     BagError,
     check_target,
@@ -73,7 +73,7 @@ def recording_to_cphd(source: Path, target: Path, arguments: argparse.Namespace)
                        'hold no pulse block')
     blocks, n_pulses = recording.blocks(), len(np.unique(recording.counter))
     first = next(blocks)
-    antenna = recording.antenna and recording.antenna.amplitudes()
+    antenna = None if recording.antenna is None else recording.antenna.amplitudes()
     warning = '' if antenna is None or first.pointing is not None else (
         '\nwarning: written without its antenna: pulses do not tell where it looked')
     _write_cphd(source, target, with_progress(itertools.chain([first], blocks), n_pulses),
@@ -95,7 +95,8 @@ def cphd_to_recording(source: Path, target: Path, arguments: argparse.Namespace)
             radar=reader.radar, compressed=reader.compressed, notes='; '.join(reader.warnings),
             datum=reader.datum)
         truth['collection'] = dataclasses.asdict(collection)
-        truth |= antenna_truth(reader.illumination and Antenna.of(reader.illumination))
+        truth |= antenna_truth(None if reader.illumination is None
+                               else Antenna.of(reader.illumination))
         messages = (message for block in reader.blocks() for message in split(block))
         count = write_bag(target, with_progress(messages, reader.n_pulses), truth,
                           overwrite=arguments.force)
@@ -120,7 +121,7 @@ def sicd_to_geotiff(source: Path, target: Path, arguments: argparse.Namespace) -
 
 def _write_cphd(source: Path, target: Path, blocks: Iterator[PulseBlock],
                 arguments: argparse.Namespace, datum: Datum, scene: MapGrid,
-                collection: Collection, antenna: AntennaPattern | Illumination | None) -> None:
+                collection: Collection, antenna: AntennaPattern | None) -> None:
     _check_target(target, arguments)
     with naming(source, 'cannot be written as CPHD', CphdError):
         write_cphd(target, blocks, datum, scene, collection=_named(collection, arguments),
