@@ -24,7 +24,7 @@ RUN = "$(VENV)/bin/python"
 # What is installed is written down in the environment itself, to be compared next time.
 INSTALLED = $(VENV)/installed-requirements.txt
 
-.PHONY: installed formats archive docs docs-libraries docs-links drawings help demo test test-quick lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check matrix coverage colcon environment clean prediction-campaign simulator obstacle-campaign obstacle-shadows localization-campaign localization-demo format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline benchmark-robots
+.PHONY: installed formats archive docs docs-libraries lint-libraries docs-links drawings help demo test test-quick lint processors aarch64 fault-campaign mutation-campaign autofocus-campaign mistakes doctor-campaign bags reproduce-multichannel reproduce-spotlight-letter release-check matrix coverage colcon environment clean prediction-campaign simulator obstacle-campaign obstacle-shadows localization-campaign localization-demo format-campaign cphd-memory archive-campaign gpu gpu-tests gpu-benchmark gpu-roofline benchmark-robots
 QUICK_TESTS := test/msg_conversions test/geometry test/signal test/planning test/imaging/test_goldens.py test/imaging/test_image.py test/test_package.py
 .DEFAULT_GOAL := help
 
@@ -33,7 +33,7 @@ help:
 	@echo 'make test    ruff, then every test, real nodes over real DDS among them'
 	@echo 'make test-quick'
 	@echo '             the core alone, a minute once its kernels are compiled'
-	@echo 'make lint    ruff, and types where mypy is installed (requirements-lint.txt)'
+	@echo 'make lint    ruff, and types by mypy where NumPy is $(TYPED_NUMPY)'
 	@echo 'make processors'
 	@echo '             kernel tests and pinned images with the code of AVX2 and of a generic processor,'
 	@echo '             three minutes'
@@ -119,18 +119,20 @@ test: lint docs-libraries
 test-quick: environment
 	@$(RUN) -m pytest -x -n 2 --dist loadfile $(QUICK_TESTS)
 
-lint: environment
+# Each NumPy states types of its own, of which those before 2.3 do not suit the settings.
+TYPED_NUMPY = 2.4
+lint: lint-libraries
 	@echo 'ruff check ...'
 	@$(RUN) -m ruff check .
-	@if $(RUN) -c 'import mypy' 2>/dev/null; then echo 'mypy ...'; $(RUN) -m mypy; \
-	else echo 'types are not checked: pip install -r requirements-lint.txt installs mypy'; fi
+	@if $(RUN) -c 'import numpy, sys; sys.exit(not numpy.__version__.startswith("$(TYPED_NUMPY)."))'; then \
+	echo 'mypy ...'; $(RUN) -m mypy; \
+	else echo 'types are not checked: they are with NumPy $(TYPED_NUMPY)'; fi
 
 # What a version needs before it is published, see docs/releasing.md.
 # What cannot be checked here is told as skipped.
-release-check: environment
-	@$(RUN) -c 'import build, twine, rattler_build, spellchecker, mypy' 2>/dev/null || \
-	    $(RUN) -m pip install --quiet --disable-pip-version-check -r requirements-release.txt \
-	    -r requirements-lint.txt
+release-check: lint-libraries
+	@$(RUN) -c 'import build, twine, rattler_build, spellchecker' 2>/dev/null || \
+	    $(RUN) -m pip install --quiet --disable-pip-version-check -r requirements-release.txt
 	@failed=0; $(RUN) -m pytest -m release test/test_package.py test/test_distribution.py \
 	    test/docs/test_spelling.py || failed=1; \
 	$(RUN) -m benchmarks.release.check $(if $(ROSDISTRO),--rosdistro "$(ROSDISTRO)") || failed=1; \
@@ -314,6 +316,13 @@ archive: formats
 	$(RUN) -m pip install --quiet --disable-pip-version-check -r requirements-archive.txt \
 	    "numpy==$$($(RUN) -c 'import numpy; print(numpy.__version__)')" && \
 	cp requirements-archive.txt "$(VENV)/installed-archive.txt"
+
+# The type checker: what `pip install sar_imaging[lint]` installs.
+lint-libraries: environment
+	@if cmp -s requirements-lint.txt "$(VENV)/installed-lint.txt"; then exit 0; fi; \
+	echo 'Installing the type checker into $(VENV), once ...' && \
+	$(RUN) -m pip install --quiet --disable-pip-version-check -r requirements-lint.txt && \
+	cp requirements-lint.txt "$(VENV)/installed-lint.txt"
 
 # Sphinx: what `pip install sar_imaging[docs]` installs.
 docs-libraries: archive

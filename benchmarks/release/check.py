@@ -15,6 +15,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
+
+TYPED_NUMPY = '2.4'  # as of the Makefile
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -31,8 +34,9 @@ def main() -> int:
     module = [sys.executable, '-m']
     parts = {
         'types': (
-            importlib.util.find_spec('mypy') and [*module, 'benchmarks.release.stated_types'],
-            'mypy: pip install -r requirements-lint.txt'),
+            importlib.util.find_spec('mypy') and np.__version__.startswith(TYPED_NUMPY)
+            and [*module, 'benchmarks.release.stated_types'],
+            f'mypy (make lint-libraries) and NumPy {TYPED_NUMPY}'),
         'keys of package.xml': (
             database and [*module, 'benchmarks.release.rosdep_keys', database],
             'a checkout of github.com/ros/rosdistro: make release-check ROSDISTRO=folder'),

@@ -646,7 +646,7 @@ def _expansion_errors(paths: Paths, echoes: np.ndarray, radar: RadarParameters, 
 def plan_point_resampling(window: RangeGate | PhaseHistory, target_db: float) -> RangeResampling:
     """Range grid for the routine that needs no common direction of range and lines."""
     radar = window.radar
-    oversampling = next(v for v in np.arange(1.6, 8.0, 0.2)
+    oversampling = next(v for v in np.arange(1.6, 8.0, 0.2).tolist()
                         if design_interpolator(v, LEAST_MARGIN).error_db <= target_db - 3.0)
     pitch = radar.range_resolution_m / oversampling
     n_padded, n_cells = _commensurate(window.n_samples, radar.sample_spacing_m, pitch, 1,
