@@ -60,7 +60,8 @@ class Backprojection:
         """Add echoes to an image."""
         grid, route = self.plan.grid, self.plan.route
         if isinstance(route, PolarPlan):
-            polar_image = self._polar_image(samples, tx_m, rx_m)
+            assert isinstance(grid, MapGrid)  # as of all polar images
+            polar_image = self._polar_image(route, samples, tx_m, rx_m)
             image += polar_to_map(polar_image, route.polar, grid, axis=route.axis,
                                   wavelength_m=route.wavelength_m, between=route.between,
                                   along=route.along)
@@ -69,8 +70,9 @@ class Backprojection:
         image += project_points(route.window, samples, route.resampling.n_padded, tx_m, rx_m,
                                 points_m, self.plan.illumination)
 
-    def _polar_image(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray) -> np.ndarray:
-        route, illumination = self.plan.route, self.plan.illumination
+    def _polar_image(self, route: PolarPlan, samples: np.ndarray, tx_m: np.ndarray,
+                     rx_m: np.ndarray) -> np.ndarray:
+        illumination = self.plan.illumination
 
         def project(echoes: slice, polar: PolarGrid) -> np.ndarray:
             return project_lines(route.window, samples[echoes], route.resampling.n_padded,
@@ -119,16 +121,18 @@ class SubapertureImager:
         plan = self.plan
         plan.check_block(number, block)
         samples = block.samples.reshape(-1, plan.n_samples)
-        echoes = block.tx_m.reshape(-1, 3), block.rx_m.reshape(-1, 3)
+        tx_m, rx_m = (centres.reshape(-1, 3) for centres in block.centres_m)
         weights = np.ones(block.n_pulses) if weights is None else weights
         samples = samples * np.repeat(weights, plan.n_channels)[:, None]
         if plan.beams is None:
-            image = project_lines(plan.source, samples, plan.resampling.n_padded, *echoes,
+            image = project_lines(plan.source, samples, plan.resampling.n_padded, tx_m, rx_m,
                                   plan.coarse, plan.illumination_of(block))
         else:
-            nodes = plan.weighed_by(block) or (None,)
-            image = sum(image_from_beams(plan, *(a[part::len(nodes)] for a in (samples, *echoes)),
-                                         one) for part, one in enumerate(nodes))
+            nodes = plan.weighed_by(block)
+            parts = [*nodes] if isinstance(nodes, tuple) else [None]
+            image = np.sum([image_from_beams(plan, samples[k::len(parts)], tx_m[k::len(parts)],
+                                             rx_m[k::len(parts)], one)
+                            for k, one in enumerate(parts)], axis=0)
         out = np.empty((2, *image.shape), np.float32) if out is None else out
         out[:] = image.real, image.imag
         return out
@@ -259,6 +263,7 @@ def form_map(polar_image: np.ndarray, fusion: UnifiedPolarGrids, grid: MapGrid,
     ((33, 33), '200 of 40 pulses and 5 channels')
     """
     fusion.check_for_map()
+    assert fusion.between is not None  # as was checked
     polar = fusion.polar
     along = design_interpolator(fusion.range_oversampling, taps=TAPS, degree=DEGREE)
     image = polar_to_map(_complex(polar_image), polar, grid, axis=range_axis(polar, grid),

@@ -79,6 +79,6 @@ def fused_image(grid: UnifiedPolarGrids, spectrum: np.ndarray, centre_m: float =
     image = np.fft.ifft2(whole) * (whole.size / (grid.n_coarse * grid.n_coarse_range))
     image = image[grid.fine_guard:, grid.fine_range_guard:][:polar.n_alpha, :polar.n_range]
     # sub-aperture images have their phase from where the guards begin
-    cycles = 2 * grid.fine_range_guard * polar.range_spacing_m / grid.wavelength_m
-    cycles = cycles - 2 * centre_m * (polar.alpha - polar.alpha_start) / grid.wavelength_m
+    guard = 2 * grid.fine_range_guard * polar.range_spacing_m / grid.wavelength_m
+    cycles = guard - 2 * centre_m * (polar.alpha - polar.alpha_start) / grid.wavelength_m
     return image * np.exp(2j * np.pi * np.fmod(cycles, 1.0))[:, None]

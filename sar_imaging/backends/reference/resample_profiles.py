@@ -44,14 +44,15 @@ def profile_spectra(source: RangeGate | PhaseHistory, samples: np.ndarray, n_pad
     ((4, 128), 'complex128')
     """
     spectra = np.asarray(samples, np.complex128)
-    if not source.periodic:
+    if isinstance(source, RangeGate):
         window = np.ones(source.n_samples)
         if source.n_rise:
             window[:source.n_rise] = rise(source.n_rise)
         if source.n_fall:
             window[-source.n_fall:] = rise(source.n_fall)[::-1]
         lead = max(-source.first, 0)
-        cut = np.pad(spectra, ((0, 0), (lead, 0)))[:, source.first + lead:]
+        first = source.first + lead
+        cut = np.pad(spectra, ((0, 0), (lead, 0)))[:, first:]
         spectra = np.fft.fft(cut[:, :source.n_samples] * window, n_padded)
     # bin `source.zero` is that of the carrier
     return np.roll(spectra * source.gain(n_padded), n_padded // 2 - source.zero, axis=-1)

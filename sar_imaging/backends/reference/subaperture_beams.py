@@ -42,6 +42,7 @@ def image_from_beams(plan: SubaperturePlan, samples: np.ndarray, tx_m: np.ndarra
         The plane is too steep below the echoes for their directions to be told apart.
     """
     polar, source, resampling, sampling = plan.coarse, plan.source, plan.resampling, plan.beams
+    assert sampling is not None  # of a plan with beams
     geometry = BeamGeometry.of(polar, grid_edges(polar), tx_m, rx_m)
     if geometry is None:
         raise ValueError(f'the imaging plane, {polar.z_m:g} m high, is too steep below the phase '
@@ -82,5 +83,6 @@ def amplitude_parabolas(nodes: AmplitudeNodes, geometry: BeamGeometry, points_m:
     offset = flat - geometry.centre_m
     direction = offset[:, :2] @ np.array(geometry.polar.track) / np.linalg.norm(offset, axis=1)
     phase = phase_per_m * geometry.slope(nodes.tx_m, nodes.rx_m, direction)
-    found = parabola(phase, nodes.illumination.amplitude(flat).T)
-    return tuple(v.reshape(points_m.shape[:-1]) for v in found)
+    a, b, c = (v.reshape(points_m.shape[:-1])
+               for v in parabola(phase, nodes.illumination.amplitude(flat).T))
+    return a, b, c
