@@ -9,10 +9,10 @@ Run from the repository root; measured data lie in ``../shared/data``::
     python -m benchmarks.localization --table            # of docs/localization.md
 
 Most scenes are made directly as images (`benchmarks.support.localization_scenes`): point-spread
-function, speckle, layover and shadows of their geometry. Those of the part *pulses* go through
-range profiles and the imager. An accepted place is *false* where its error exceeds what its own
-covariance says once in a thousand times (``e' C^-1 e > 16.27``). Features of OpenCV (AKAZE, ORB,
-matched by RANSAC) are tried on the same images where version 4 of it is installed, as
+function, speckle, layover and shadows of their geometry. Those of the parts *pulses* and *passes*
+go through range profiles and the imager. An accepted place is *false* where its error exceeds what
+its own covariance says once in a thousand times (``e' C^-1 e > 16.27``). Features of OpenCV
+(AKAZE, ORB, matched by RANSAC) are tried on the same images where version 4 of it is installed, as
 opencv-python-headless<5; it is no dependency.
 """
 
@@ -183,26 +183,78 @@ def pulses(seed: int, n: int) -> Iterator[Trial]:
 
     The points are moved, not the radar: the same as poses that are wrong.
     """
-    from .support.obstacle_scenes import Platform
-
-    platform = Platform('airborne_x_band', 50.0, n_apertures=1)
-    middle = np.array(platform.grid.centre_m)
+    platform = _platform()
     for k in range(n):
         rng = np.random.default_rng([seed, 4, k])
         points = np.concatenate([rng.uniform(-40.0, 40.0, (6000, 2)),
                                  rng.uniform(-25.0, 25.0, (15, 2))])
         power = random_scene(rng, 'open ground', 40.0).ground(points[:6000])
         level = np.concatenate([np.sqrt(power), 10 ** (rng.uniform(8.0, 20.0, 15) / 20)])
-        offset, turned = rng.uniform(-2.0, 2.0, 2), rng.uniform(-2.0, 2.0)
-        c, s = math.cos(math.radians(turned)), math.sin(math.radians(turned))
-        pair = []
-        for places in (points, (points - offset) @ np.array([[c, -s], [s, c]])):
-            phase = np.exp(2j * np.pi * rng.random(len(level)))
-            at = np.column_stack([places, np.zeros(len(places))]) + middle
-            samples = platform.image(0, platform.spectra(0, at, level * phase))
-            pair.append(Image(samples, platform.grid, platform.radar.carrier_hz,
-                              Report('exact', '', -60.0)))
-        yield tried('pulses', pair[1], pair[0], offset, math.radians(turned))
+        offset, turned = rng.uniform(-2.0, 2.0, 2), math.radians(rng.uniform(-2.0, 2.0))
+        pair = [_seen(platform, places, level * np.exp(2j * np.pi * rng.random(len(level))))
+                for places in (points, (points - offset) @ plane_rotation(turned))]
+        yield tried('pulses', pair[1], pair[0], offset, turned)
+
+
+def passes(seed: int, n: int) -> Iterator[Trial]:
+    """A pass that is repeated with the same radar within 6 m of the first track, 5 km away.
+
+    10 to 80 % of the power of the ground has other speckle than before, half of the reflectors
+    stand elsewhere, and there is noise 3 to 20 dB below the ground.
+    """
+    platform = _platform()
+    middle, track = np.array(platform.grid.centre_m), platform.apertures[0]
+    for k in range(n // 2):
+        rng = np.random.default_rng([seed, 8, k])
+        points = np.concatenate([rng.uniform(-31.0, 31.0, (14000, 2)),
+                                 rng.uniform(-25.0, 25.0, (30, 2))])
+        power = random_scene(rng, 'open ground', 40.0).ground(points[:14000])
+        level = np.concatenate([np.sqrt(power), 10 ** (rng.uniform(5.0, 14.0, 30) / 20)])
+        offset, turned = rng.uniform(-2.0, 2.0, 2), math.radians(rng.uniform(-2.0, 2.0))
+        first, new = np.exp(2j * np.pi * rng.random((2, len(level))))
+        share = rng.uniform(0.1, 0.8)
+        later = np.where(np.arange(len(level)) < 14000,
+                         math.sqrt(1 - share) * first + math.sqrt(share) * new, first)
+        places = points.copy()
+        places[-15:] = rng.uniform(-25.0, 25.0, (15, 2))
+        tracks = track, track + [0.0, rng.uniform(-0.3, 0.3), rng.uniform(-6.0, 6.0)]
+        rotation = plane_rotation(turned)  # ground and track, as poses tell them that are wrong
+        believed = tracks[1].copy()
+        believed[:, :2] = (believed[:, :2] - middle[:2] - offset) @ rotation + middle[:2]
+        faint_db = rng.uniform(-20.0, -3.0)
+        reference = _seen(platform, points, level * first, rng, faint_db)
+        platform.apertures[0] = believed
+        image = _seen(platform, (places - offset) @ rotation, level * later, rng, faint_db)
+        platform.apertures[0] = track
+        yield from _with_and_without('passes', image, reference, offset, turned,
+                                     (believed.mean(axis=0), track.mean(axis=0)))
+
+
+@functools.cache
+def _platform():
+    from .support.obstacle_scenes import Platform
+
+    return Platform('airborne_x_band', 50.0, n_apertures=1)
+
+
+def _seen(platform, places, amplitudes, rng=None, noise_db: float | None = None) -> Image:
+    """Image of points (N, 2) about the middle, with noise so many dB above the median."""
+    at = np.column_stack([places, np.zeros(len(places))]) + np.array(platform.grid.centre_m)
+    spectra = platform.spectra(0, at, amplitudes)
+    samples = platform.image(0, spectra)
+    if noise_db is not None:
+        median_db = 10 * math.log10(float(np.median(np.abs(samples) ** 2)))
+        samples = platform.image(0, spectra + platform.noise(rng, median_db + noise_db))
+    return Image(samples, platform.grid, platform.radar.carrier_hz, Report('exact', '', -60.0))
+
+
+def _with_and_without(kind: str, image: Image, reference: Image, translation_m, rotation_rad,
+                      phase_centres, **options) -> Iterator[Trial]:
+    """Two trials of one pair of images: by amplitudes alone, and by phases, too."""
+    yield tried(kind, image, reference, translation_m, rotation_rad, **options)
+    yield tried(f'{kind}, phases', image, reference, translation_m, rotation_rad,
+                phase_centre_m=phase_centres[0], reference_phase_centre_m=phase_centres[1],
+                **options)
 
 
 # ------------------------------------------------------------------------------- measured
@@ -279,22 +331,39 @@ _PASSES = {  # description, folder, middle, side and spacing of the map, metres
 
 def halves(seed: int, n: int) -> Iterator[Trial]:
     """Odd pulses of a pass on a map of the even ones, with poses wrong by 0 to 2 m and 0 to 5°."""
+    return _shared(seed, n, lambda pulses: (np.arange(0, pulses, 2), np.arange(1, pulses, 2)))
+
+
+def windows(seed: int, n: int) -> Iterator[Trial]:
+    """The last four fifths of a pass on a map of the first ones: they share three quarters."""
+    return _shared(seed, n, lambda pulses: (np.arange(pulses * 4 // 5),
+                                            np.arange(pulses // 5, pulses)))
+
+
+def _shared(seed: int, n: int, split: Callable[[int], tuple[np.ndarray, np.ndarray]]
+            ) -> Iterator[Trial]:
     for name, (folder, middle, side, spacing) in _PASSES.items():
         block = _profiles(name, folder)
         if middle is None:
             middle = load(name, DATA / folder).scene.grid.centre_m
         grid = MapGrid.from_size(middle, side, side, spacing)
-        even, odd = (block.select(np.arange(k, block.n_pulses, 2)) for k in (0, 1))
-        reference = _formed(even, grid)
+        first, later = (block.select(part) for part in split(block.n_pulses))
+        radars = [one.tx_m.reshape(-1, 3).mean(axis=0) for one in (later, first)]
+        reference = _formed(first, grid)
         small = MapGrid.from_size(middle, 0.7 * side, 0.7 * side, spacing)
-        for k in range(n // len(_PASSES) + 1):
+        for k in range(n // len(_PASSES) // 2 + 1):
             rng = np.random.default_rng([seed, 6, k])
             offset = rng.uniform(-2.0, 2.0, 2) if k else np.zeros(2)
             offset *= min(1.0, side / 20)  # rooms are small: not more than the search
-            turned = rng.uniform(-5.0, 5.0) if k else 0.0
-            image = dataclasses.replace(_formed(odd, _moved(small, offset, turned)), grid=small)
-            yield tried(name, image, reference, offset, math.radians(turned),
-                        search_m=min(5.0, side / 4), search_deg=6.0)
+            turned = math.radians(rng.uniform(-5.0, 5.0)) if k else 0.0
+            image = dataclasses.replace(
+                _formed(later, _moved(small, offset, math.degrees(turned))), grid=small)
+            believed = radars[0].copy()
+            believed[:2] = (believed[:2] - middle[:2] - offset) @ plane_rotation(turned) \
+                + middle[:2]
+            yield from _with_and_without(name, image, reference, offset, turned,
+                                         (believed, radars[1]), search_m=min(5.0, side / 4),
+                                         search_deg=6.0)
 
 
 def _places(grid: MapGrid, row, column) -> np.ndarray:
@@ -406,8 +475,8 @@ def _by_ransac(cv2, one, other, image, translation_m, rotation_rad) -> str:
 
 PARTS: dict[str, tuple[Callable[[int, int], Iterator[Trial]], int]] = {
     'drives': (drives, 300), 'absent': (absent, 200), 'repeated': (repeated, 100),
-    'pulses': (pulses, 20), 'patches': (patches, 480), 'halves': (halves, 200),
-    'grown': (grown, 160)}
+    'pulses': (pulses, 20), 'passes': (passes, 100), 'patches': (patches, 480),
+    'halves': (halves, 400), 'windows': (windows, 400), 'grown': (grown, 160)}
 
 
 def summary(trials: list[Trial]) -> dict:
