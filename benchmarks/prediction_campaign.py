@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import collections
+import dataclasses
 import json
 import logging
 import math
@@ -98,7 +99,32 @@ def few_cells(case: RandomCase, rng):
     image = plan_image(grid, p.radar, p.n_samples, method=method, target_db=target_db)(p)
     report = image.report
     return image.samples, report.predicted_error_db, report.warnings, slice(None), {
-        'target_db': target_db, 'method': method, 'grid': grid}
+        'target_db': target_db, 'method': method,
+        'case': dataclasses.replace(case, grid=grid, pulses=p)}
+
+
+def zero_padding(case: RandomCase, rng):
+    """Zero-padded backprojection of the profiles."""
+    return _published('zero-padding', case, rng)
+
+
+def wavenumber(case: RandomCase, rng):
+    """Wavenumber imaging of another case of the same seed, along an even straight track."""
+    seed = case.traits['seed']
+    return _published('wavenumber', random_case(seed, _even, tuple(FAMILIES)[seed % 3]), rng)
+
+
+def _even(rng, share, length_m, middle_m):
+    return middle_m + np.outer(share * length_m, [0.0, 1.0, 0.0])
+
+
+def _published(method, case, rng):
+    p, target_db = case.profiles, -rng.uniform(20, 80)
+    image = plan_image(case.grid, p.radar, p.n_samples, method=method, target_db=target_db)(p)
+    report = image.report
+    return image.samples, report.predicted_error_db, report.warnings, slice(None), {
+        'target_db': target_db, 'planned_db': report.plan.predicted_error_db,
+        'case': dataclasses.replace(case, pulses=p)}
 
 
 def live(case: RandomCase, rng):
@@ -150,7 +176,8 @@ def form_live(grid, block, target_db: float, length: int, *, sliding: bool, illu
 
 #: Imagers, and in one of how many cases each has its turn.
 IMAGERS = {'exact': (exact, 1), 'afbp': (afbp, 1), 'ffbp': (ffbp, 8), 'live': (live, 8),
-           'sliding': (sliding, 16), 'few cells': (few_cells, 4)}
+           'sliding': (sliding, 16), 'few cells': (few_cells, 4),
+           'zero-padding': (zero_padding, 8), 'wavenumber': (wavenumber, 4)}
 
 
 def measure(case: RandomCase, name: str) -> dict:
@@ -169,20 +196,19 @@ def measure(case: RandomCase, name: str) -> dict:
         return {'refused': str(reason)}
     except Exception:
         return {'crash': traceback.format_exc()}
-    grid = more.pop('grid', case.grid)
-    pulses = (case.pulses if grid is case.grid else case.profiles).select(pulses)
-    scale = np.float32(case.scale if grid is case.grid else 1.0)
+    case = more.pop('case', case)
+    pulses, scale = case.pulses.select(pulses), np.float32(case.scale)
     entry = {'predicted_db': predicted_db, 'warnings': list(warnings), **more}
     # Few pixels tell an error in few places badly: what seems to exceed is compared whole.
     for n_pixels in (120, image.size):
         try:
-            found = measure_error(image * scale, grid, pulses, n_pixels=n_pixels,
+            found = measure_error(image * scale, case.grid, pulses, n_pixels=n_pixels,
                                   n_brightest=80)
             entry['error_db'] = found.error_db
         except ValueError as reason:  # profiles cover no pixel
             if _warned(entry):  # they end within the map: there is nothing to compare
                 return {'not_judged': str(reason), 'warnings': list(warnings)}
-            entry['error_db'] = _periodic_error_db(image * scale, grid, pulses)
+            entry['error_db'] = _periodic_error_db(image * scale, case.grid, pulses)
         if not exceeds(entry):
             break
     return entry

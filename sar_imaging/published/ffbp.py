@@ -40,13 +40,10 @@ from ..geometry.half_paths import Paths, half_paths, sample_paths
 from ..geometry.polar import PolarGrid
 from ..geometry.track import mean_centres, side_of, track_beside
 from ..imaging.image import Report
-from ..imaging.methods import Method
 from ..memory import IMAGE_BYTES
 from ..planning.costs import costs
-from ..planning.echo_power import chance_db, echo_power, echoes_alike
-from ..planning.exact.points import ImagePoints, extent, resolved_cells
-from ..planning.exact.pulse_power import PulsePower
-from ..planning.plan import Plan, total_db
+from ..planning.echo_power import echo_power
+from ..planning.plan import total_db
 from ..planning.profiles import (
     ECHOES_PER_PASS,
     RangeGate,
@@ -59,6 +56,7 @@ from ..planning.profiles import (
 )
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
+from .judged import JudgedMethod, JudgedPlan, may_err_db, with_chance
 
 ENDS = 'ends of profiles'  # the cause that no sampling helps
 # A few dozen scatterers are by chance darker than their pulses; bright parts that are small are
@@ -97,7 +95,7 @@ _FAST = ('contract', 'reassoc', 'nsz')
 _FLOAT = ir.FloatType()
 
 
-class Ffbp(Method):
+class Ffbp(JudgedMethod):
     """Fast factorised backprojection: maps and polar grids that lie on one side of the track.
 
     For its options see `plan_ffbp`.
@@ -121,16 +119,7 @@ class Ffbp(Method):
         cycles = 2 * (resampling.cell_m - resampling.spacing) / plan.radar.wavelength_m
         self._ramp = np.exp(2j * np.pi * np.fmod(cycles * np.arange(longest), 1.0)
                             ).astype(np.complex64)
-        self._power = PulsePower.of_pixels(plan.pixels, plan.radar, plan.n_samples,
-                                           *plan.echoes_m)
         return self.planned(plan)
-
-    def image(self, block: PulseBlock, onto: np.ndarray | None = None
-              ) -> tuple[np.ndarray, Report]:
-        """See `Method`; its error is judged by the power of the pulses."""
-        samples, report = super().image(block, onto)
-        power = self._power.of(self.weighted(block).samples.reshape(-1, self.n_samples))
-        return samples, dataclasses.replace(report, pulse_power=power)
 
     def form(self, block: PulseBlock) -> np.ndarray:
         """See `Method`."""
@@ -249,7 +238,7 @@ class FfbpSampling:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class FfbpPlan(Plan):
+class FfbpPlan(JudgedPlan):
     """How the image of an aperture is formed by FFBP.
 
     Attributes
@@ -294,21 +283,6 @@ class FfbpPlan(Plan):
     range_m: tuple[float, float]
     errors_db: Mapping[str, float]
     warnings: tuple[str, ...]
-
-    @property
-    def pixels(self) -> MapGrid | ImagePoints:
-        """Those of the image."""
-        return _pixels_of(self.grid)
-
-    @property
-    def echoes_m(self) -> tuple[np.ndarray, np.ndarray]:
-        """(R, 3) phase centres of the echoes, metres."""
-        return self.tx_m.reshape(-1, 3), self.rx_m.reshape(-1, 3)
-
-    @property
-    def echoes_alike(self) -> float:
-        """Mean number of echoes that an image does not tell apart, see `planning.echo_power`."""
-        return echoes_alike(*self.echoes_m, *extent(self.pixels), self.radar)
 
     @property
     def range_spacing_m(self) -> float:
@@ -360,10 +334,6 @@ class FfbpPlan(Plan):
         return (f'local images of {counts} sub-apertures, kernel {self.sampling.kernel}, '
                 f'oversampled {along_range:.2f} times along range and {along_alpha:.2f} along '
                 'direction')
-
-
-def _pixels_of(grid: MapGrid | PolarGrid) -> MapGrid | ImagePoints:
-    return grid if isinstance(grid, MapGrid) else ImagePoints.of_grid(grid)
 
 
 def _pixels(node: Node) -> int:
@@ -578,9 +548,9 @@ def plan_from_geometry(grid: MapGrid | PolarGrid, radar: RadarParameters, n_samp
     start, stop = covered_ranges(radar, n_samples)
     within = start <= range_m[0] and range_m[1] <= stop
     warnings = () if within else reach_warnings(some_pixels(grid), tx_m, rx_m, radar, n_samples)
-    n_cells = resolved_cells(_pixels_of(grid), tx_m.reshape(-1, 3), rx_m.reshape(-1, 3), radar)
     errors = _errors_db(geometry, radar, RangeGate.whole(radar, n_samples), tones, sampling,
-                        resampling, alpha_spacings, segments, chance_db(n_cells, _CHANCE_DB))
+                        resampling, alpha_spacings, segments,
+                        may_err_db(grid, tx_m, rx_m, radar, _CHANCE_DB))
     return FfbpPlan(grid, radar, n_samples, tx_m.copy(), rx_m.copy(), sampling, frame, placed,
                     top, resampling, range_m, errors, warnings)
 
@@ -599,7 +569,7 @@ def _reach(nodes: Sequence[Node], geometry: FfbpGeometry, spacing: float) -> tup
 
 def _errors_db(geometry: FfbpGeometry, radar: RadarParameters, window: RangeGate,
                tones: LocalTones, sampling: FfbpSampling, resampling: RangeResampling,
-               alpha_spacings: list[float], segments: list[Segment], may_err_db: float
+               alpha_spacings: list[float], segments: list[Segment], chance_db: float
                ) -> dict[str, float]:
     reading = reading_segments(geometry, segments)
     spacings = [resampling.spacing] * len(segments), alpha_spacings
@@ -615,10 +585,8 @@ def _errors_db(geometry: FfbpGeometry, radar: RadarParameters, window: RangeGate
         ('interpolated ranges', each[0] * shares), ('interpolated directions', each[1] * shares),
         ('expanded geometry', expansion_error(segments)),
         ('rounded places', rounding_error(segments, cycles)))}
-    whole = total_db(*errors.values())
-    return errors | {'chance': whole + 10 * math.log10(10 ** (may_err_db / 10) - 1),
-                     ENDS: window.mean_end_error_db(
-                         length, oversampling=resampling.oversampling(radar))}
+    return with_chance(errors, chance_db) | {ENDS: window.mean_end_error_db(
+        length, oversampling=resampling.oversampling(radar))}
 
 
 def reading_segments(geometry: FfbpGeometry, segments: Sequence[Segment]) -> list[Segment]:

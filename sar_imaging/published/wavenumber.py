@@ -22,12 +22,12 @@ from ..compilation import njit, numba
 from ..geometry.grids import MapGrid
 from ..geometry.track import StraightTrack, check_straight, fit_straight_track, path_errors
 from ..imaging.image import Report
-from ..imaging.methods import Method
 from ..memory import IMAGE_BYTES
-from ..planning.plan import Plan
+from ..planning.exact.pulse_power import PulsePower
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
-from ..signal.spectra import band_frequencies, band_spectrum
+from ..signal.spectra import band_frequencies, band_spectrum, beyond_band
+from .judged import JudgedMethod, JudgedPlan, may_err_db, with_chance
 
 #: Largest error of the two-way path that the straight track may cause, wavelengths (11 degrees).
 PATH_TOLERANCE_WAVELENGTHS = 1 / 32
@@ -50,13 +50,14 @@ LEAST_GUARD_FRESNEL_LENGTHS = 2.0
 # Error of an image by the width of its narrower guard, dB (measured against correlation). Without
 # one the spectrum rings as it is cut.
 _GUARDS, _GUARD_ERRORS_DB = (0.0, 2.0, 3.0, 4.0, 6.0), (-24.0, -61.0, -76.0, -81.0, -89.0)
+_CHANCE_DB = 0.5  # by which images of a few dozen scatterers err more
 _ROWS_PER_PASS = 256
 _READ_TAPS = 6  # of the kernel that reads the image between the samples of the FFT
 _SHAPE = 2.3 * _READ_TAPS
 _NODES, _BY_NODE = np.polynomial.legendre.leggauss(64)  # of the integral over the kernel
 
 
-class Wavenumber(Method):
+class Wavenumber(JudgedMethod):
     """Imaging in the wavenumber domain: maps beside a straight, evenly sampled track.
 
     The cost grows with the sum of samples and pixels, not with pixels times pulses as that of
@@ -76,9 +77,16 @@ class Wavenumber(Method):
         """See `Method`."""
         return image_wavenumber(self.report.plan, block)
 
+    def errors_of(self, echoes: np.ndarray, at_pixels: PulsePower) -> dict[str, float]:
+        """See `JudgedMethod`; what profiles hold beyond the band is left out.
+
+        Where they end among echoes, or are cut short, that is some of each echo.
+        """
+        return {'beyond the band': at_pixels.of(beyond_band(echoes, self.radar))}
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class WavenumberPlan(Plan):
+class WavenumberPlan(JudgedPlan):
     """How pulses of a straight track are imaged in the wavenumber domain.
 
     Attributes
@@ -89,6 +97,8 @@ class WavenumberPlan(Plan):
         Describes the compressed profiles.
     n_samples : int
         Samples of each profile.
+    tx_m, rx_m : (P, C, 3) float64
+        Phase centres that it is for, metres.
     track : StraightTrack
         Fitted to the phase centres.
     frequencies_hz : (K,) float64
@@ -112,6 +122,8 @@ class WavenumberPlan(Plan):
     grid: MapGrid
     radar: RadarParameters
     n_samples: int
+    tx_m: np.ndarray
+    rx_m: np.ndarray
     track: StraightTrack
     frequencies_hz: np.ndarray
     centre_m: tuple[float, float]
@@ -195,7 +207,8 @@ def plan_wavenumber(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m:
         raise ValueError(f'grid is a {type(grid).__name__}; the wavenumber imager images a '
                          'MapGrid: use exact backprojection')
     _check_paddings(range_padding=range_padding, azimuth_padding=azimuth_padding)
-    taps = fewest_taps(target_db, range_padding) if taps is None else taps
+    chance_db = may_err_db(grid, tx_m, rx_m, radar, _CHANCE_DB)
+    taps = fewest_taps(target_db - chance_db, range_padding) if taps is None else taps
     if taps < 2 or taps % 2:
         raise ValueError(f'taps={taps}; expected an even number, at least 2')
     corners, outline = _outline(grid)
@@ -220,9 +233,10 @@ def plan_wavenumber(grid: MapGrid, radar: RadarParameters, n_samples: int, tx_m:
               'stationary phase': (3 / (8 * k_x_ends[0] * scene.distance_m.min())) ** 2,
               'read pixels': 10 ** (_READ_ERROR_DB / 10)}
     return WavenumberPlan(
-        grid, radar, n_samples, track, frequencies, scene.centre_m, band, int(taps), first, step,
-        n_x,
-        {cause: 10 * math.log10(max(e, _LEAST)) for cause, e in errors.items()},
+        grid, radar, n_samples, tx_m.copy(), rx_m.copy(), track, frequencies, scene.centre_m, band,
+        int(taps), first, step, n_x,
+        with_chance({cause: 10 * math.log10(max(e, _LEAST)) for cause, e in errors.items()},
+                    chance_db),
         () if band.warning is None else (band.warning,))
 
 

@@ -21,15 +21,16 @@ from numpy.typing import ArrayLike
 from ..backends.cpu.correlation import distance, phasor
 from ..compilation import njit, numba
 from ..geometry.grids import Grid, PointGrid
+from ..geometry.half_paths import half_paths
 from ..geometry.track import mean_centres
 from ..imaging.image import Report
-from ..imaging.methods import Method
 from ..memory import IMAGE_BYTES
-from ..planning.plan import Plan
-from ..planning.profiles import check_reach, reach_warnings, some_pixels
+from ..planning.exact.pulse_power import PulsePower
+from ..planning.profiles import check_reach, echoes_for_means, reach_warnings, some_pixels
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from ..signal.spectra import resampled_from_spectrum
+from .judged import JudgedMethod, JudgedPlan, may_err_db, with_chance
 
 #: How a zero-padded profile is read between its samples.
 INTERPOLATORS = ('nearest', 'linear', 'cubic', 'sinc')
@@ -42,13 +43,17 @@ CHUNK_BYTES = 16 << 20  # zero-padded profiles held at a time
 _POSITION_BYTES, _SUM_BYTES, _SAMPLE_BYTES = 24, 16, 8  # float64 x 3, complex128, complex64
 _COPIES = 3  # of the profiles that are padded at a time
 _RATIOS = (2, 4, 8, 16)  # to choose from
+_AT_ENDS = 8  # samples of a profile whose power is that at its end
+# Of the error because profiles end, which are stronger at some places (measured); and of another
+_END_DOUBT, _CHANCE_DB = 2.0, 2.0
+_FULL = 0.95  # share of the sampling that a band fills, beyond which all errors are alike
 _POINTS = 4096  # whose ranges are looked at closely
 _NODES, _BY_NODE = np.polynomial.legendre.leggauss(64)  # over the band, and between two samples
 _PHASES = 2048  # of the weight table, interpolated linearly: below -120 dB
 _POINTS_PER_GROUP = 512  # neighbours, which read neighbouring samples
 
 
-class ZeroPadding(Method):
+class ZeroPadding(JudgedMethod):
     """Backprojection of zero-padded profiles: any grid, any track; `exact` errs less in less time.
 
     For its options see `plan_zero_padding`. Ranges outside a profile contribute nothing.
@@ -67,9 +72,15 @@ class ZeroPadding(Method):
         """See `Method`."""
         return image_zero_padded(self.report.plan, block)
 
+    def errors_of(self, echoes: np.ndarray, at_pixels: PulsePower) -> dict[str, float]:
+        """See `JudgedMethod`; profiles are read as if they repeated."""
+        ends = sum(float(np.mean(np.abs(some) ** 2))
+                   for some in (echoes[:, :_AT_ENDS], echoes[:, -_AT_ENDS:]))
+        return {'ends of profiles': len(echoes) * ends * self.report.plan.end_error()}
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class ZeroPaddingPlan(Plan):
+class ZeroPaddingPlan(JudgedPlan):
     """How zero-padded profiles are read at pixels.
 
     Attributes
@@ -92,6 +103,8 @@ class ZeroPaddingPlan(Plan):
     grid: Grid
     radar: RadarParameters
     n_samples: int
+    tx_m: np.ndarray
+    rx_m: np.ndarray
     interpolator: str
     ratio: int
     delay: str
@@ -113,6 +126,21 @@ class ZeroPaddingPlan(Plan):
         """Memory that forming the image takes, bytes."""
         profiles = _COPIES * _SAMPLE_BYTES * self.echoes_per_pass * self.ratio * self.n_samples
         return profiles + math.prod(self.grid.shape) * (_POSITION_BYTES + _SUM_BYTES + IMAGE_BYTES)
+
+    def end_error(self) -> float:
+        """Mean squared error of a read because profiles end, over the power at their two ends.
+
+        What lies beyond an end, and the other end that is read in its place, are tones of the
+        band cut off d samples away, w radians a sample: the sinc of the transform leaves
+        ``1 / (2 pi d cos(w / 2))`` of each, on average between two samples half of its square.
+        """
+        tx, rx = (a[echoes_for_means(len(a))] for a in self.echoes_m)
+        after = (half_paths(tx, rx, self.some_pixels_m)[0] - self.radar.range_start_m
+                 ) / self.radar.sample_spacing_m
+        away = np.maximum(np.stack([after, self.n_samples - 1 - after]) + 0.5, 0.5)
+        edge = math.pi * min(self.radar.bandwidth_hz / self.radar.sample_rate_hz, _FULL)
+        tones = 2 / edge * math.tan(edge / 2)
+        return float(_END_DOUBT * tones / (8 * math.pi ** 2) * 2 * np.mean(away ** -2.0))
 
     def weights(self, position: ArrayLike) -> np.ndarray:
         """Weights of the neighbours of a place between two zero-padded samples.
@@ -196,21 +224,25 @@ def plan_zero_padding(grid: Grid, radar: RadarParameters, n_samples: int, tx_m: 
     """
     if delay not in DELAYS:
         raise ValueError(f'delay={delay!r} is unknown; use one of {", ".join(DELAYS)}')
-    if ratio is None:
-        ratio = next((r for r in _RATIOS if predicted_error_db(interpolator, r, radar)
-                      <= target_db), _RATIOS[-1])
-    error = predicted_error_db(interpolator, ratio, radar)
     pixels = grid.points_m.reshape(-1, 3) if isinstance(grid, PointGrid) else some_pixels(grid)
     if not np.isfinite(pixels).all():
         raise ValueError('points contain NaN or infinity; expected finite numbers')
+    chance_db = may_err_db(grid, tx_m, rx_m, radar, _CHANCE_DB)
+    if ratio is None:
+        ratio = next((r for r in _RATIOS if predicted_error_db(interpolator, r, radar)
+                      <= target_db - chance_db), _RATIOS[-1])
+    error = predicted_error_db(interpolator, ratio, radar)
     centre = 0.5 * (pixels.min(axis=0) + pixels.max(axis=0))
     radius = np.linalg.norm(pixels - centre, axis=-1).max()
     path = 0.5 * sum(np.linalg.norm(a - centre, axis=-1) for a in (tx_m, rx_m))
     check_reach((path.min() - radius, path.max() + radius), radar, n_samples)
-    return ZeroPaddingPlan(grid, radar, n_samples, interpolator, int(ratio), delay,
-                           {'range profiles': error},
-                           reach_warnings(pixels[::-(-len(pixels) // _POINTS)], tx_m, rx_m, radar,
-                                          n_samples))
+    errors = with_chance({'range profiles': error}, chance_db)
+    warnings = reach_warnings(pixels[::-(-len(pixels) // _POINTS)], tx_m, rx_m, radar, n_samples)
+    if delay != 'exact':
+        warnings = (*warnings, f'delay={delay!r} approximates the paths of the channels, and the '
+                    "predicted error is that of reading the profiles alone; use delay='exact'")
+    return ZeroPaddingPlan(grid, radar, n_samples, tx_m.copy(), rx_m.copy(), interpolator,
+                           int(ratio), delay, errors, warnings)
 
 
 def predicted_error_db(interpolator: str, ratio: int, radar: RadarParameters) -> float:

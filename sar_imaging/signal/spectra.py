@@ -118,6 +118,14 @@ def band_frequencies(radar: RadarParameters, n_samples: int, compressed: bool) -
     return phase_history_frequencies(radar.carrier_hz, radar.bandwidth_hz, n_samples)
 
 
+def beyond_band(profiles: np.ndarray, radar: RadarParameters) -> np.ndarray:
+    """What range profiles hold beyond the frequencies of `band_spectrum`, (..., N) complex64."""
+    inside = _baseband(radar, profiles.shape[-1])[1]
+    spectra = scipy.fft.fft(profiles, axis=-1)
+    spectra[..., scipy.fft.ifftshift(inside)] = 0.0
+    return scipy.fft.ifft(spectra, axis=-1)
+
+
 def _baseband(radar: RadarParameters, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
     """(N,) frequencies of a transform, ascending, hertz, and which are inside the band."""
     baseband = scipy.fft.fftshift(scipy.fft.fftfreq(n_samples, 1.0 / radar.sample_rate_hz))

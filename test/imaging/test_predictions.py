@@ -51,6 +51,16 @@ def _names_a_reason(warnings):
 
 # ------------------------------------------------------------------------------ any geometry
 
+@pytest.mark.parametrize('method, seed, least_db', [
+    ('zero-padding', 3365043, 40.0), ('zero-padding', 3365135, 30.0),
+    ('wavenumber', 3365082, 30.0)])
+def test_published_methods_keep_their_prediction(method, seed, least_db):
+    """Their plans know nothing of what lies at the ends of profiles, nor beyond the band."""
+    found = measure(campaign_case(seed), method)
+    assert 'error_db' in found and not exceeds(found)
+    assert found['error_db'] > found['planned_db'] + least_db
+
+
 @pytest.mark.parametrize('seed', [3360109, 3360175, 3360297])
 def test_images_of_few_cells_keep_their_prediction(seed):
     """They were 7 to 12 dB above it: two of FFBP in dark surroundings, and a volume by chance."""
