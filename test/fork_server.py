@@ -165,7 +165,9 @@ class Kernels:
         self._kernels = {value for value in values if isinstance(value, Dispatcher)
                          and isinstance(value._cache, FunctionCache)}
         self._read_ns, self._n_threads = {}, parallel.NUM_THREADS
-        if importlib.util.find_spec('numba.np.ufunc.omppool') is None:
+        try:
+            importlib.import_module('numba.np.ufunc.omppool')
+        except ImportError:  # Debian without its package libgomp1, for one
             self._kernels.clear()
             return
         # Parallel loops are linked with OpenMP; threads that it started here no fork would have.

@@ -8,6 +8,7 @@ Run: python -m sar_imaging.tools.environment
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib.metadata
 import importlib.util
 import os
@@ -78,7 +79,18 @@ def _kernels() -> str:
         return f'none: {error}'
     config: Any = numba.config  # whose names it makes
     return (f'compiled for {llvmlite.binding.get_host_cpu_name()}, '
-            f'{config.NUMBA_NUM_THREADS} threads')
+            f'{config.NUMBA_NUM_THREADS} threads'
+            + ('' if _threads_may_share_them() else '; no OpenMP: install libgomp1 before several '
+               'threads of a process form images at once, which ends it otherwise'))
+
+
+def _threads_may_share_them() -> bool:
+    """Whether Numba has a layer whose parallel loops bear several callers at once."""
+    for pool in ('omppool', 'tbbpool'):
+        with contextlib.suppress(ImportError):  # as where the library that it needs is not there
+            importlib.import_module(f'numba.np.ufunc.{pool}')
+            return True
+    return False
 
 
 def _ros() -> str:
