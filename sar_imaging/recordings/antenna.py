@@ -35,7 +35,7 @@ def read_antenna(section: Section) -> tuple[Antenna, Mount | str]:
         pointing = section.raw('pointing', meaning=f'{OUTWARD}, or a kind, one of '
                                f'{", ".join(_NEEDS)}')
         if isinstance(pointing, Mapping):
-            lacking = _NEEDS.get(pointing.get('kind'))
+            lacking = _NEEDS.get(pointing.get('kind', ''))
             if lacking and lacking not in pointing:
                 raise section.error('pointing', f'{lacking} of the kind {pointing["kind"]}')
         mount = pointing if pointing == OUTWARD else Mount.from_dict(pointing)
@@ -64,7 +64,7 @@ def with_pointing(block: PulseBlock, mount: Mount | str, section: Section,
     """
     centre = block.phase_centre_m
     with of_part('antenna.pointing'):
-        if mount != OUTWARD:
+        if isinstance(mount, Mount):
             pointing = mount.pointing(block.stamp_ns, centre)
         elif arc_centre_m is None:
             raise section.error('pointing', f'{OUTWARD} with positions on an arc alone')

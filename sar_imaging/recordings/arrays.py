@@ -19,7 +19,7 @@ from ..numpy_files import check_memory
 from ..signal.background import subtract_background
 from ..signal.positioning import without_range_bias
 from ..signal.pulses import PulseBlock, concatenate
-from ..signal.tdm import locate_channels, move_channels
+from ..signal.tdm import TdmSchedule, locate_channels, move_channels
 from . import (
     antenna as antenna_section,
     poses as pose_files,
@@ -182,6 +182,7 @@ def _load(description: Path, data: Path | str | None, changes: Mapping[str, obje
     top = read_description(description, changes)
     section, folder, files = _find(top, description, data)
     warnings: tuple[str, ...] = ()
+    shape: tuple[int, ...]
     if 'topic' in section:
         every = DataFiles([])
         pulses, array, warnings = _read_messages(top, section, folder, files)
@@ -191,7 +192,7 @@ def _load(description: Path, data: Path | str | None, changes: Mapping[str, obje
         top = top.with_variables(every.same)
         pulses, array, shape = _read_pulses(top, section, folder, every)
     warnings += array.doubts(pulses.radar.wavelength_m)
-    poses, position_m = None, None
+    poses, position_m = None, np.zeros((0, 3))
     if ('poses' in top) == ('positions' in top):
         raise top.error('positions', 'either positions or poses, to say where the radar was')
     if 'poses' in top:
@@ -204,8 +205,8 @@ def _load(description: Path, data: Path | str | None, changes: Mapping[str, obje
         pulses = subtract_background(pulses)
     scene = read_scene(top.section('scene', scene_section.KEYS))
     alignment = _alignment(top.section('alignment', ALIGNMENT_KEYS), array, poses is not None)
-    names = [top.text(key, '') for key in ('name', 'description', 'notes')]
-    told = names[0] or description.stem, *names[1:]
+    told = (top.text('name', '') or description.stem, top.text('description', ''),
+            top.text('notes', ''))
     if poses is not None:
         return _with_poses(top, told, pulses, poses, alignment, array, scene, warnings)
     block, antenna = _pointed(top, _dated(_at_positions(pulses, position_m[used], alignment,
@@ -237,7 +238,7 @@ def _with_poses(top: Section, told: tuple[str, str, str], pulses: PulseBlock, po
     if array.schedule is None:
         antenna, mount = _antenna(top)
         return Loaded(*told, pulses, poses, alignment, scene, warnings, antenna, mount)
-    block, antenna = _pointed(top, _at_own_times(pulses, poses, alignment, array))
+    block, antenna = _pointed(top, _at_own_times(pulses, poses, alignment, array.schedule))
     return Loaded(*told, block, None, None, scene, warnings, antenna)
 
 
@@ -247,7 +248,7 @@ def _antenna(top: Section) -> tuple[Antenna | None, Mount | None]:
         return None, None
     section = top.section('antenna', antenna_section.KEYS)
     antenna, mount = antenna_section.read_antenna(section)
-    if mount == antenna_section.OUTWARD:
+    if not isinstance(mount, Mount):
         raise section.error('pointing', 'a kind with poses', 'outward is for positions on an arc')
     return antenna, mount
 
@@ -321,6 +322,7 @@ def _read_messages(top: Section, section: Section, folder: Path, files: list[Pat
         files[0], section.text('topic'),
         {key: sizes.integer(key) for key in ('channel', 'sample') if key in sizes},
         section.raw('axes', None)))
+    assert converter.array is not None  # of the frames
     return pulses, converter.array, warnings
 
 
@@ -366,7 +368,8 @@ def _alignment(section: Section, array: VirtualArray, has_poses: bool) -> Alignm
     lever_m = section.vector('lever_arm_m', np.zeros(3))
     arms = [lever_m + centres for centres in (array.tx_m, array.rx_m)]
     one = all((a == a[0]).all() for a in arms)
-    return Alignment(*(a[:1] if one else a for a in arms), section.number('time_offset_s', 0.0),
+    tx_m, rx_m = (a[:1] if one else a for a in arms)
+    return Alignment(tx_m, rx_m, section.number('time_offset_s', 0.0),
                      section.number('range_bias_m', 0.0))
 
 
@@ -393,12 +396,12 @@ def _at_positions(pulses: PulseBlock, position_m: np.ndarray, alignment: Alignme
 
 
 def _at_own_times(pulses: PulseBlock, poses: PoseTable, alignment: Alignment,
-                  array: VirtualArray) -> PulseBlock:
+                  schedule: TdmSchedule) -> PulseBlock:
     """Phase centres of every channel where the platform is at the channel's own time."""
     parts = []
     for first in range(0, pulses.n_pulses, _LOCATED):
         part = pulses.select(slice(first, first + _LOCATED))
         near = poses_around(poses, part, alignment)
         with of_part('poses'):
-            parts.append(locate_channels(part, near, alignment, array.schedule))
+            parts.append(locate_channels(part, near, alignment, schedule))
     return concatenate(parts)

@@ -20,7 +20,7 @@ import sqlite3
 import struct
 import urllib.parse
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -279,5 +279,6 @@ def _fields(header: bytes) -> dict[bytes, bytes]:
     return fields
 
 
-_CHECKS = {'.bag': _check_ros1, '.mcap': _check_mcap, '.db3': _check_sqlite,
-           '.zstd': _check_packed}
+_CHECKS: dict[str, Callable[[Path, int, int], None]] = {
+    '.bag': _check_ros1, '.mcap': _check_mcap, '.db3': _check_sqlite,
+    '.zstd': _check_packed}

@@ -70,7 +70,7 @@ def odometry_messages(poses: PoseTable) -> Iterator[tuple[int, bytes]]:
         yield stamp, bytes(message_types().serialize_cdr(message, ODOMETRY_TYPE))
 
 
-def pose_table(messages: Iterable[tuple[object, str]]) -> PoseTable:
+def pose_table(messages: Iterable[tuple[Any, str]]) -> PoseTable:
     """Poses of messages and their types, one of `POSE_TYPES`, in their order."""
     stamp, position, quaternion = [], [], []
     for message, kind in messages:

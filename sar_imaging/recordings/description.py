@@ -91,7 +91,7 @@ class Section:
                 + (f': {meaning}' if meaning else ''))
         return default
 
-    def error(self, key: str, expected: str, advice: str = '') -> DescriptionError:
+    def error(self, key: str, expected: str, advice: str = '') -> Exception:
         """What to raise for a value that is not as expected."""
         return self._value.below(key).error(expected, advice)
 

@@ -18,7 +18,7 @@ from ..names import advice_on
 from .bag_files import checked
 from .bag_io import POSE_TYPES, BagError, message_types, pose_table, reading_bag
 from .description import DescriptionError
-from .frames import FrameError
+from .frames import FrameError, Received
 
 
 @contextlib.contextmanager
@@ -75,7 +75,7 @@ def read_bag_poses(path: Path, topic: str | None = None) -> PoseTable:
 
 
 def read_bag_frames(path: Path, topic: str, sizes: Mapping[str, int],
-                    axes: Sequence[str] | None) -> Iterator[tuple[object, int]]:
+                    axes: Sequence[str] | None) -> Iterator[tuple[Received, int]]:
     """Frames of a topic, after the numbers of all messages that describe a radar.
 
     Parameters

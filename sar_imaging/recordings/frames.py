@@ -15,7 +15,7 @@ import itertools
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -172,6 +172,10 @@ class RawFrame:
     n_transmitters: int | None = None
 
 
+#: A frame, numbers that the driver told, or why a message holds no frame.
+Received: TypeAlias = RawFrame | Mapping[str, float | str] | FrameError
+
+
 @dataclasses.dataclass
 class FrameStatistics:
     """Counts; ``received = converted + incomplete + rejected``."""
@@ -279,7 +283,8 @@ class FrameConverter:
 
     def settled(self, placed: Sequence[tuple[int, int]]) -> list[int]:
         """Starts of all frames of a recording, see `FrameClock.settled`."""
-        return self._clock.settled(placed)
+        return ([start for start, _ in placed] if self._clock is None
+                else self._clock.settled(placed))
 
     def doubts(self) -> tuple[str, ...]:
         """What the frames so far contradict; a person should know."""
@@ -298,17 +303,17 @@ class FrameConverter:
                 raise DescriptionError(f'{error}; no message of the driver told it either '
                                        '(ChirpInfo, DeviceConfig): record or connect its topic'
                                        ) from error
-        _, radar, turn, weights, chirp_s = self._setup
+        _, radar, turn, weights, chirp_s, clock = self._setup
         n_tx = len(turn)
         pulses = samples.reshape(len(samples) // n_tx, n_tx, *samples.shape[1:])[:, turn]
         pulses = pulses.reshape(len(pulses), -1, samples.shape[-1])
-        stamp_ns, number = self.placed = self._clock.place(frame.stamp_ns or received_ns)
-        self.statistics.missing = self._clock.missing
+        stamp_ns, number = self.placed = clock.place(frame.stamp_ns or received_ns)
+        self.statistics.missing = clock.missing
         if not frame.complete:
             self.statistics.incomplete += 1
             return None
         if frame.weights is not None:
-            pulses = pulses * self._driver_weights(frame, pulses.shape[1])
+            pulses = pulses * self._driver_weights(frame.weights, pulses.shape[1])
         count = np.arange(len(pulses))
         self.statistics.converted += 1
         return PulseBlock(
@@ -329,7 +334,7 @@ class FrameConverter:
         return values if self._scale == 1.0 else values * self._scale
 
     def _prepare(self, samples: np.ndarray, frame: RawFrame) -> tuple[Any, ...]:
-        """Radar, order of the turns, weights of the channels, seconds from chirp to chirp."""
+        """Radar, turns in order, weights of channels, seconds from chirp to chirp, clock."""
         n_chirps, n_receivers, n_samples = samples.shape
         keys = self._top.section('radar', radar_section.KEYS)
         keys = keys.with_defaults({k: v for k, v in self._told.items()
@@ -361,10 +366,10 @@ class FrameConverter:
                 raise section.error('turn_interval_s', f'at most the {chirp_s:g} s of a chirp')
             section = section.with_defaults({'turn_interval_s': chirp_s})
         self.array = read_array(section, n_tx * n_receivers, n_receivers)
-        self._start_clock(timing, frame, n_chirps * chirp_s)
+        clock = self._started_clock(timing, frame, n_chirps * chirp_s)
         turn = section.array('turn_order', np.arange(n_tx, dtype=float)).astype(int)
         return (self._unbiased(radar, frame), turn,
-                self._weights(n_tx * n_receivers, is_real), chirp_s)
+                self._weights(n_tx * n_receivers, is_real), chirp_s, clock)
 
     def _check_times(self, timing: Section, n_chirps: int, chirp_s: float) -> None:
         period_s = timing.number('period_s', 0.0)
@@ -372,13 +377,14 @@ class FrameConverter:
             raise timing.error('chirp_s', f'seconds, {n_chirps} of which fit into a frame every '
                                f'{period_s:g} s', f'they take {n_chirps * chirp_s:g} s')
 
-    def _start_clock(self, timing: Section, frame: RawFrame, length_s: float) -> None:
+    def _started_clock(self, timing: Section, frame: RawFrame, length_s: float) -> FrameClock:
         if self._clock is not None:
-            return
+            return self._clock
         kind = timing.choice('stamp', STAMPS, frame.stamp)
         late_s = self._latency_s + (0.0 if kind == 'start' else length_s)
         self._clock = FrameClock(timing.number('period_s', 0.0), late_s,
                                  jitter=kind == 'receipt')
+        return self._clock
 
     def _unbiased(self, radar: RadarParameters, frame: RawFrame) -> RadarParameters:
         if not frame.range_bias_m or 'range_bias_m' in self._top.section(
@@ -392,15 +398,15 @@ class FrameConverter:
         return calibration_weights(self._folder / self._top.text('calibration'), n_channels,
                                    real_samples=is_real)
 
-    def _driver_weights(self, frame: RawFrame, n_channels: int) -> np.ndarray:
-        if frame.weights.size != n_channels:
-            raise FrameError(f'the driver calibrates {frame.weights.size} channels; the frame has '
+    def _driver_weights(self, weights: np.ndarray, n_channels: int) -> np.ndarray:
+        if weights.size != n_channels:
+            raise FrameError(f'the driver calibrates {weights.size} channels; the frame has '
                              f'{n_channels}: check array.tx_m and array.rx_m')
         # They multiply what was recorded; conjugated samples need conjugated factors.
-        return (frame.weights.conj() if self._conjugate else frame.weights)[:, None]
+        return (weights.conj() if self._conjugate else weights)[:, None]
 
 
-def convert_all(converter: FrameConverter, items: Iterable[tuple[object, int]]
+def convert_all(converter: FrameConverter, items: Iterable[tuple[Received, int]]
                 ) -> tuple[PulseBlock, tuple[str, ...]]:
     """Pulses of a whole recording, and what a person should know.
 
@@ -408,7 +414,7 @@ def convert_all(converter: FrameConverter, items: Iterable[tuple[object, int]]
     ----------
     converter : FrameConverter
         New, with the description.
-    items : iterable of (object, int)
+    items : iterable of (Received, int)
         `RawFrame`, numbers that the driver told (a mapping), or the `FrameError` of a message
         that holds no frame; each with the time of its receipt, nanoseconds.
 

@@ -83,6 +83,8 @@ def _read(section: Section, path: Path | None, data: DataFiles) -> tuple[str, Po
             else _guess(section, path))
     if kind == 'arrays':
         return kind, _arrays(section, data if path is None else DataFiles([path]))
+    if path is None:
+        raise section.error('file', f'the file, as format={kind} needs one')
     if kind == 'bag':
         return kind, read_bag_poses(path, section.text('topic', None))
     check_memory(str(path.name), _BYTES_PER_CHARACTER * path.stat().st_size)

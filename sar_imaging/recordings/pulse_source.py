@@ -367,11 +367,11 @@ def _described(path: Path, data: Path | None, changes: Mapping[str, object] | No
     """What a description says, as a recording of it would tell it; its pulses stay in memory."""
     loaded = load(path, data, changes=changes)
     [block] = placed([loaded.block], loaded.poses, loaded.alignment, loaded.mount)
-    counter = block.counter.astype(np.int64)
+    counter, (tx_m, rx_m) = block.counter.astype(np.int64), block.centres_m
     recording = Recording(
         path, truth_of(loaded, loaded.alignment), loaded.block.radar, block.n_samples,
         block.compressed, True, 0, 0, counter, block.stamp_ns, np.zeros_like(counter),
-        np.zeros(1, np.int64), (block.tx_m,), (block.rx_m,),
+        np.zeros(1, np.int64), (tx_m,), (rx_m,),
         by_poses=not loaded.block.has_positions, poses=loaded.poses)
 
     def blocks(first: int, stop: int) -> Iterable[PulseBlock]:
@@ -399,7 +399,7 @@ def _source(kind: str, recording: Recording,
         return joined(pulses(*wanted), n_bytes)
 
     tx_m, rx_m = (centres[index] for centres in recording.centres_m)
-    grid = recording.grid
+    grid, antenna = recording.grid, recording.antenna
     return PulseSource(
         path, kind, _geometric(recording), recording.n_samples, recording.compressed, counter,
         recording.stamp_ns[index], tx_m, rx_m, blocks, frame=truth.get('frame', 'map'),
@@ -409,7 +409,7 @@ def _source(kind: str, recording: Recording,
         collection=Collection(**truth.get('collection', {})), aperture=number,
         message_ns=(recording.message_ns[recording.message[index]] if kind == RECORDING
                     else None),
-        illumination=recording.antenna and recording.antenna.amplitudes(), poses=recording.poses,
+        illumination=None if antenna is None else antenna.amplitudes(), poses=recording.poses,
         alignment=recording.alignment if recording.by_poses else None,
         proposed_window=truth.get('window', 'none'))
 

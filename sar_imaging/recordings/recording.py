@@ -115,14 +115,25 @@ class Recording:
     @functools.cached_property
     def phase_centre_m(self) -> np.ndarray | None:
         """(P, 3) float64 mean phase centres, metres; None where they are not known."""
-        if self.tx_m is None:
+        if self.tx_m is None or self.rx_m is None:
             return None
         return np.concatenate([mean_centres(*m) for m in zip(self.tx_m, self.rx_m, strict=True)])
 
     @functools.cached_property
     def centres_m(self) -> tuple[np.ndarray, np.ndarray]:
-        """(P, C, 3) float64 phase centres tx and rx of uniform recordings, metres."""
+        """(P, C, 3) float64 phase centres tx and rx of uniform recordings, metres.
+
+        Raises
+        ------
+        ValueError
+            They are not known.
+        """
+        if self.tx_m is None or self.rx_m is None:
+            raise self._unplaced()
         return np.concatenate(self.tx_m), np.concatenate(self.rx_m)
+
+    def _unplaced(self) -> ValueError:
+        return ValueError(f'{self.path}: its pulses have no phase centres, and no poses tell them')
 
     @property
     def grid(self) -> MapGrid | None:
@@ -236,7 +247,15 @@ class Recording:
         return found[number]
 
     def phase_centre_at(self, stamp_ns: int) -> np.ndarray:
-        """(3,) float64 phase centre at a time, interpolated between pulses, metres."""
+        """(3,) float64 phase centre at a time, interpolated between pulses, metres.
+
+        Raises
+        ------
+        ValueError
+            None is known.
+        """
+        if self.phase_centre_m is None:
+            raise self._unplaced()
         order = np.argsort(self.stamp_ns, kind='stable')
         # nanoseconds since 1970 do not fit a float64, those since the first pulse do
         seconds = (self.stamp_ns[order] - self.stamp_ns[order[0]]) * 1e-9
@@ -335,7 +354,7 @@ def placed(blocks: Iterable[PulseBlock], poses: PoseTable | None,
     poses : PoseTable or None
         Poses of the platform, for blocks without phase centres.
     alignment : Alignment or None
-        Between the two; None without poses.
+        Between the two; None where nothing is apart.
     mount : Mount, optional
         Mount of the antenna.
 
@@ -348,5 +367,5 @@ def placed(blocks: Iterable[PulseBlock], poses: PoseTable | None,
     finder = None if mount is None or by_attitude else PointingFinder(mount)
     for block in blocks:
         if poses is not None and not block.has_positions:
-            block = locate(block, poses, alignment, mount if by_attitude else None)
+            block = locate(block, poses, alignment or Alignment(), mount if by_attitude else None)
         yield block if finder is None else finder(block)

@@ -108,6 +108,7 @@ def check_truth(truth: dict[str, Any]) -> None:
         if not isinstance(truth.get(name, kind()), kind):
             raise ValueError(f'{name} is {truth[name]!r}; expected a {_KINDS[kind]}')
     if 'grid' in truth:
+        grid = truth['grid']
         MapGrid(grid['centre_m'], grid['n_x'], grid['n_y'], grid['spacing_m'])
     for name, value in truth.get('cut_half_width_m', {}).items():
         if not isinstance(value, int | float) or not 0 < value < math.inf:

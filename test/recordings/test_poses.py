@@ -159,3 +159,9 @@ def test_unknown_files_are_told(tmp_path):
         read(tmp_path, '{file: b.csv}')
     with pytest.raises(BagError, match='a.xyz cannot be read as a whole ROS 1 bag'):
         read(tmp_path, '{file: a.xyz, format: bag}')
+
+
+@pytest.mark.parametrize('kind', ['csv', 'tum', 'optitrack', 'bag'])
+def test_a_format_of_files_needs_a_file(tmp_path, kind):
+    with pytest.raises(DescriptionError, match=f'poses.file: expected .* format={kind} needs'):
+        read(tmp_path, f'{{format: {kind}}}')

@@ -67,7 +67,11 @@ def test_unreadable_messages_are_counted_not_fatal(bag, monkeypatch):
 
 def test_recording_without_positions(tmp_path, make_block, truth):
     bag_io.write_bag(tmp_path / 'bag', [make_block(0, 5, positions=False)], truth)
-    assert recording.read_recording(tmp_path / 'bag').phase_centre_m is None
+    got = recording.read_recording(tmp_path / 'bag')
+    assert got.phase_centre_m is None
+    for places in (lambda: got.phase_centre_at(START_NS), lambda: got.centres_m):
+        with pytest.raises(ValueError, match='its pulses have no phase centres, and no poses'):
+            places()
 
 
 def test_the_datum_of_a_recording(tmp_path, make_block, bag):
