@@ -86,6 +86,21 @@ def georeference(grid: Grid, datum: Datum, crs: Any = None) -> Georeference:
     return found
 
 
+def flat_grid(grid: Grid) -> EvenGrid:
+    """Map or plane of the pixels of an image; terrain without its heights.
+
+    Raises
+    ------
+    ValueError
+        They lie on neither.
+    """
+    flat = getattr(grid, 'map_grid', grid)
+    if not isinstance(flat, EvenGrid) or len(flat.shape) != 2:
+        raise ValueError(f'the image lies on a {type(grid).__name__}; expected a MapGrid, a '
+                         'TerrainGrid or a PlaneGrid: form the image on one of them')
+    return flat
+
+
 def check_level(grid: Grid) -> None:
     """Raise ValueError unless a grid is a map, terrain or a level plane."""
     if hasattr(grid, 'map_grid'):  # on heights

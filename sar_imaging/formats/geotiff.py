@@ -34,6 +34,7 @@ from .extras import require
 from .georeference import (
     TOLERANCE_M,
     Georeference,
+    flat_grid,
     from_map,
     georeference,
     named_crs,
@@ -395,7 +396,7 @@ def _placed(image: Image, datum: Datum, crs: Any, acquisition: Acquisition | Non
         raise ValueError(f'{reason}: give the acquisition, whose carrier interpolation takes out')
     if crs is None:
         place = georeference(image.grid, datum, utm_crs(image.grid, datum))
-    flat = getattr(image.grid, 'map_grid', image.grid)
+    flat = flat_grid(image.grid)
     spacing = float(np.linalg.norm(flat.steps_m, axis=1).min())
     pixels = covering_pixels(image.grid, datum, place.crs, spacing)
     return (Georeference(place.crs, pixels.affine, 0.0),

@@ -17,12 +17,13 @@ from ..geometry.earth import Datum
 from ..geometry.grids import Grid
 from ..imaging.image import Image
 from .extras import require
-from .georeference import check_level, georeference
+from .georeference import check_level, flat_grid, georeference
 from .tags import quantity_of
 
 _BELOW_CLUTTER_DB = 5.0
 _LEAST_RANGE_DB, _MOST_RANGE_DB = 30.0, 60.0
 _WHITE = 0.999  # of the pixels are darker
+_LEAST_UPWARD = 0.01  # cosine between the normal of a plane and the vertical
 
 
 def decibels(samples: np.ndarray) -> np.ndarray:
@@ -78,12 +79,20 @@ def image_corners(grid: Grid, datum: Datum) -> np.ndarray:
     Lower left, lower right, upper right, upper left as the image is drawn, row 0 on top. Those of
     a sloping plane are carried along its normal onto the horizontal through its middle, as SICD
     does it.
+
+    Raises
+    ------
+    ValueError
+        The image lies on no map and no plane, or on an upright one.
     """
-    flat = getattr(grid, 'map_grid', grid)
+    flat = flat_grid(grid)
     rows, columns = flat.shape
     index = np.array([[rows, 0], [rows, columns], [0, columns], [0, 0]]) - 0.5
     places = np.array(flat.origin_m) + index @ flat.steps_m
-    normal = np.cross(*flat.steps_m)
+    normal = np.cross(flat.steps_m[0], flat.steps_m[1])
+    if abs(normal[2]) < _LEAST_UPWARD * np.linalg.norm(normal):
+        raise ValueError('the plane of the image is upright, and has no outline on a map: form '
+                         'the image on a MapGrid')
     height = places[:, 2] - places[:, 2].mean()
     places = places - (height / normal[2])[:, None] * normal
     latitude, longitude, _ = datum.to_geographic(places)

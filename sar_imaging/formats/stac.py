@@ -19,6 +19,7 @@ from ..imaging.image import Image
 from ..signal.radar import RadarParameters
 from .acquisition import UNKNOWN, Acquisition, date_of
 from .extras import require
+from .georeference import flat_grid
 from .quicklook import image_corners
 from .sicd.grid import sicd_axes, support
 
@@ -66,7 +67,7 @@ def write_stac_item(path: os.PathLike[str] | str, image: Image, datum: Datum,
     Raises
     ------
     ValueError
-        There is no file of the image.
+        There is no file of the image, or it lies on no map and no plane, or on an upright one.
     FileNotFoundError
         One of them does not exist.
     MissingExtraError
@@ -132,7 +133,7 @@ def radar_properties(radar: RadarParameters) -> dict[str, Any]:
 
 def _properties(image: Image, acquisition: Acquisition) -> dict[str, Any]:
     """What is known of radar and image, in words of the sar extension."""
-    grid = getattr(image.grid, 'map_grid', image.grid)
+    grid = flat_grid(image.grid)
     middle = np.asarray(grid.positions(grid.shape[0] // 2, grid.shape[1] // 2))
     axes = sicd_axes(acquisition, middle, 'ground')
     resolution = [support(acquisition, middle, axis).width_m for axis in axes]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sar_imaging.formats import write_geotiff, write_quicklook, write_sicd, write_stac_item
-from sar_imaging.geometry import MapGrid, PlaneGrid
+from sar_imaging.geometry import MapGrid, PlaneGrid, PointGrid
 
 rasterio = pytest.importorskip('rasterio', reason='rasterio is not installed')
 pyproj = pytest.importorskip('pyproj', reason='pyproj is not installed')
@@ -113,6 +113,19 @@ def test_catalogue_item(flight, tmp_path, left, plane):
     west, south, east, north = item.bbox
     assert west < 8.0 < east and south < 47.0 < north
     assert (east - west) * np.cos(np.radians(47)) < 60 / 111e3 and north - south < 60 / 111e3
+
+
+@pytest.mark.parametrize(('grid', 'problem'), [
+    (PointGrid(MAP.points()[:4, :5]), 'lies on a PointGrid; expected a MapGrid, a TerrainGrid'),
+    (PlaneGrid.wall((0, 0, 3), (1, 0), 1.6, 1.6, 0.2), 'plane of the image is upright')])
+def test_item_that_cannot_be(flight, tmp_path, grid, problem):
+    pytest.importorskip('pystac', reason='pystac is not installed')
+    flown, file = flight(), tmp_path / 'image.npy'
+    file.write_bytes(b'')
+    with pytest.raises(ValueError, match=problem):
+        write_stac_item(tmp_path / 'image.json', flown.image(grid), flown.datum,
+                        flown.acquisition, {'map': file})
+    assert list(tmp_path.iterdir()) == [file]
 
 
 def test_item_across_the_date_line(flight, tmp_path):
