@@ -109,7 +109,8 @@ class Acquisition:
 
     @classmethod
     def of(cls, blocks: PulseBlock | Iterable[PulseBlock], *,
-           antenna: AntennaPattern | None = None, **names: str) -> Acquisition:
+           antenna: AntennaPattern | None = None, polarisation: str = UNKNOWN,
+           collector: str = UNKNOWN, illuminator: str = '', name: str = '') -> Acquisition:
         """Acquisition of one block of pulses or of many, whose samples are not kept.
 
         Parameters
@@ -118,8 +119,8 @@ class Acquisition:
             With phase centres, in any order; their pointing is kept where all tell it.
         antenna : AntennaPattern, optional
             As of the constructor.
-        **names
-            `polarisation`, `collector`, `illuminator`, `name`.
+        polarisation, collector, illuminator, name : str
+            As of the constructor.
 
         Raises
         ------
@@ -128,7 +129,7 @@ class Acquisition:
         """
         parts = [blocks] if isinstance(blocks, PulseBlock) else blocks
         kept: list[tuple[Any, ...]] = []
-        looks: list[Pointing | None] = []
+        looks: list[Pointing] = []
         radar = None
         for block in parts:
             if not block.has_positions:
@@ -138,12 +139,15 @@ class Acquisition:
                 raise ValueError(f'a block of {block.radar} follows blocks of {radar}; expected '
                                  'those of one radar')
             radar = block.radar
-            kept.append((block.stamp_ns, block.tx_m.mean(axis=1), block.rx_m.mean(axis=1)))
-            looks.append(block.pointing)
+            kept.append((block.stamp_ns, *(places.mean(axis=1) for places in block.centres_m)))
+            if block.pointing is not None:
+                looks.append(block.pointing)
         if radar is None:
             raise ValueError('there is no block; expected at least one')
-        return cls(radar, *(np.concatenate(part) for part in zip(*kept, strict=True)), **names,
-                   antenna=antenna, pointing=None if None in looks else Pointing.join(looks))
+        stamp_ns, tx_m, rx_m = (np.concatenate(part) for part in zip(*kept, strict=True))
+        return cls(radar, stamp_ns, tx_m, rx_m, polarisation=polarisation, collector=collector,
+                   illuminator=illuminator, name=name, antenna=antenna,
+                   pointing=Pointing.join(looks) if len(looks) == len(kept) else None)
 
     @property
     def n_pulses(self) -> int:

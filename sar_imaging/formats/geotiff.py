@@ -126,6 +126,8 @@ def write_cog(path: os.PathLike[str] | str,
 
     Raises
     ------
+    ValueError
+        There are windows and no `shape`.
     MissingExtraError
         rasterio is not installed.
     """
@@ -134,6 +136,8 @@ def write_cog(path: os.PathLike[str] | str,
     if isinstance(values, np.ndarray):
         shape, dtype = values.shape[-2:], values.dtype
         values = [((slice(0, shape[0]), slice(0, shape[1])), values)]
+    elif shape is None:
+        raise ValueError('shape is missing; expected rows and columns of all windows')
     dtype = np.dtype(dtype)
     profile = dict(driver='GTiff', height=shape[0], width=shape[1], count=len(names), dtype=dtype,
                    crs=place.crs.to_wkt(), nodata=nodata, tiled=True, blockxsize=_BLOCK,

@@ -125,6 +125,8 @@ def write_reference_map(folder: os.PathLike[str] | str, reference: ReferenceMap)
 
     Raises
     ------
+    ValueError
+        The image lies on another grid than a `MapGrid`.
     MissingExtraError
         The datum is known, and rasterio or pyproj is not installed.
 
@@ -144,23 +146,25 @@ def write_reference_map(folder: os.PathLike[str] | str, reference: ReferenceMap)
     >>> read_reference_map('place').image.shape
     (6, 8)
     """
-    image = reference.image
+    image, grid = reference.image, reference.image.grid
+    if not isinstance(grid, MapGrid):
+        raise ValueError(f'the map lies on a {type(grid).__name__}; expected a MapGrid')
     with filling(folder) as part:
         np.save(part / 'amplitude.npy', np.asarray(image.samples, np.float32))
         np.save(part / 'passes.npy', np.asarray(reference.seen, np.uint16))
         write_json(part / 'map.json', {
-            'version': _VERSION, 'grid': dataclasses.asdict(image.grid),
+            'version': _VERSION, 'grid': dataclasses.asdict(grid),
             'datum': reference.datum and dataclasses.asdict(reference.datum),
             'carrier_hz': image.carrier_hz, 'resolution_m': reference.resolution_m,
             'noise_floor_db': reference.noise_floor_db,
             'passes': [dataclasses.asdict(one) for one in reference.passes]})
         names = list(MAP_FILES)
         if reference.occupancy is not None:
-            write_nav2_map(part, reference.occupancy, image.grid)
+            write_nav2_map(part, reference.occupancy, grid)
             names += ['obstacles.pgm', 'obstacles.yaml']
         if reference.datum is not None:
             write_raster(part / 'map.tif', {'amplitude': image.samples, 'passes': reference.seen},
-                         image.grid, reference.datum)
+                         grid, reference.datum)
             names.append('map.tif')
     return names
 
@@ -180,7 +184,7 @@ def write_nav2_map(folder: Path, occupancy: np.ndarray, grid: MapGrid) -> None:
     grey = np.full(occupancy.shape, _GREY[-1], np.uint8)
     for state, level in _GREY.items():
         grey[occupancy == state] = level
-    rows, columns = grey.shape
+    rows, columns = occupancy.shape
     (folder / 'obstacles.pgm').write_bytes(b'P5\n%d %d\n255\n' % (columns, rows) + grey.tobytes())
     half = grid.spacing_m / 2
     (folder / 'obstacles.yaml').write_text(

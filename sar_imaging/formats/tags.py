@@ -30,7 +30,8 @@ def image_to_text(image: Image, datum: Datum) -> str:
     """
     kind, plan = type(image.grid).__name__, image.report.plan
     report = dataclasses.replace(image.report, plan=None if plan is None else str(plan))
-    grid = {'type': kind, **dataclasses.asdict(image.grid)} if kind in _GRIDS else None
+    told = image.grid if isinstance(image.grid, MapGrid | PlaneGrid) and kind in _GRIDS else None
+    grid = None if told is None else {'type': kind, **dataclasses.asdict(told)}
     return json.dumps({'version': _VERSION, 'carrier_hz': image.carrier_hz,
                        'stamp_ns': image.stamp_ns, 'counters': _ranges(image.counters),
                        'datum': dataclasses.asdict(datum), 'grid': grid,

@@ -17,7 +17,7 @@ from sar_imaging.formats.reference_map import (
     read_reference_map,
     write_reference_map,
 )
-from sar_imaging.geometry import Datum
+from sar_imaging.geometry import Datum, PlaneGrid
 from sar_imaging.imaging.image import Report
 
 GRID = MapGrid((10.0, -4.0, 1.5), 7, 4, 0.25)
@@ -43,6 +43,13 @@ def test_a_map_comes_back(reference, tmp_path):
     assert (back.image.grid, back.image.carrier_hz) == (GRID, 9.6e9)
     assert (back.passes, back.resolution_m, back.noise_floor_db, back.datum) == (
         reference.passes, 0.6, -31.5, None)
+
+
+def test_a_map_on_another_grid_is_refused(reference, tmp_path):
+    reference.image.grid = PlaneGrid.wall((0, 0, 3), (1, 0), 1.5, 0.75, 0.25)
+    with pytest.raises(ValueError, match='the map lies on a PlaneGrid; expected a MapGrid'):
+        write_reference_map(tmp_path / 'map', reference)
+    assert not list(tmp_path.iterdir())
 
 
 def test_map_server_finds_cells_where_they_are(reference, tmp_path):

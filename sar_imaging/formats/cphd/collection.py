@@ -124,8 +124,9 @@ def read_collection(container: Container, channels: tuple[str, ...]) -> Collecti
 def _polarisation(container: Container, channel: str) -> tuple[str, str]:
     for node in container.tree.findall('{*}Channel/{*}Parameters'):
         if node.findtext('{*}Identifier') == channel:
-            found = (node.findtext(f'{{*}}Polarization/{{*}}{side}Pol') for side in ('Tx', 'Rcv'))
-            return tuple(p if p in POLARISATIONS else 'UNSPECIFIED' for p in found)
+            sent, received = (node.findtext(f'{{*}}Polarization/{{*}}{side}Pol')
+                              for side in ('Tx', 'Rcv'))
+            return _known(sent), _known(received)
     return ('UNSPECIFIED', 'UNSPECIFIED')
 
 
@@ -144,3 +145,7 @@ def read_start_ns(container: Container) -> int:
         moment = moment.replace(tzinfo=datetime.timezone.utc)
     seconds = (moment - EPOCH) // datetime.timedelta(seconds=1)
     return seconds * 10**9 + int((digits + 9 * '0')[:9])
+
+
+def _known(polarisation: str | None) -> str:
+    return polarisation if polarisation in POLARISATIONS else 'UNSPECIFIED'

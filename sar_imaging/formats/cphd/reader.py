@@ -69,7 +69,7 @@ class VectorCompression:
         first_s = start.min()
         offset = (start - first_s) / step
         moved = np.abs(offset - np.rint(offset)).max() > _OFF_LATTICE or rate < _RATE
-        self._gain = None
+        self._gain: np.ndarray | None = None
         if moved or integers:
             ratio = self._design(rate, min(rate, _INTEGER_RATE) if integers else rate)
             step, offset = step / ratio, offset * ratio
@@ -121,7 +121,7 @@ class VectorCompression:
         turned = samples * self._turns(rows, channel)[:, None]
         offset, n = self._offset[rows, channel], self._n_own
         if self._gain is not None:
-            turned = self._filtered(turned, self._part[rows, channel])
+            turned = self._filtered(turned, self._part[rows, channel], self._gain)
         if n == self.n_samples and not offset.any():
             return turned.astype(np.complex64)
         out = np.zeros((len(samples), self.n_samples), np.complex64)
@@ -134,12 +134,12 @@ class VectorCompression:
         cycles = self._carrier_hz * self._delay_s[rows, channel]
         return np.exp(-2j * np.pi * (cycles % 1.0))
 
-    def _filtered(self, profiles: np.ndarray, part: np.ndarray) -> np.ndarray:
+    def _filtered(self, profiles: np.ndarray, part: np.ndarray, gain: np.ndarray) -> np.ndarray:
         """Profiles (P, N) in the blocks' sampling, beginning `part` of a sample, (P,), earlier."""
         bins = np.arange(-(self._n_in // 2), (self._n_in + 1) // 2)
         spectrum = np.zeros((len(profiles), self._n_out), np.complex128)
         spectrum[:, bins] = (fft.fft(profiles, self._n_in, axis=-1)[:, bins]
-                             * self._gain[np.abs(bins)]
+                             * gain[np.abs(bins)]
                              * np.exp(-2j * np.pi / self._n_out * np.multiply.outer(part, bins)))
         return fft.ifft(spectrum, axis=-1)[:, :self._n_own]
 

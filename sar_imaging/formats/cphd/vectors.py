@@ -101,9 +101,10 @@ def read_vectors(container: Container, channels: tuple[str, ...]) -> Vectors:
         No vector has signal, or parameters are no numbers that they can be.
     """
     pvps = [container.read_pvps(name) for name in channels]
+    names = container.pvp_type.names or ()
 
     def take(name: str, default: Any = None) -> np.ndarray:
-        if name not in container.pvp_type.names:
+        if name not in names:
             return np.full((len(pvps[0]), len(pvps)), default)
         return np.stack([p[name].astype(np.float64) for p in pvps], axis=1)
 
@@ -131,7 +132,7 @@ def _refuse(container: Container, vectors: Vectors, what: str, wrong: np.ndarray
     if wrong.any():
         rows = wrong.reshape(len(wrong), -1).any(axis=1)
         raise CphdError(f'{container.path}: {what} in {np.count_nonzero(rows)} of '
-                        f'{len(rows)} vectors, first in number '
+                        f'{len(wrong)} vectors, first in number '
                         f'{vectors.index[rows.argmax()]}; the file is damaged')
 
 

@@ -194,7 +194,7 @@ def _profile_window(pulses: WrittenPulses, delay_s: np.ndarray, out: np.ndarray)
 
 def _velocity(position_m: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     """(P, C, 3) float64 velocities, metres per second."""
-    return np.gradient(position_m, time_s, axis=0, edge_order=min(2, len(time_s) - 1))
+    return np.gradient(position_m, time_s, axis=0, edge_order=2 if len(time_s) > 2 else 1)
 
 
 def _range_rate(line_m: np.ndarray, velocity: np.ndarray) -> np.ndarray:
@@ -499,7 +499,7 @@ class _Spool:
         self._first: PulseBlock | None = None
         self._compressor: RangeCompressor | None = None
         self._told: list[tuple[np.ndarray, ...]] = []
-        self._looks: list[Pointing | None] = []
+        self._looks: list[Pointing] = []
 
     def add(self, block: PulseBlock) -> None:
         """Write the samples of a block."""
@@ -514,7 +514,8 @@ class _Spool:
             block = self._compressor(block)
         if not np.isfinite(block.samples.view(np.float32)).all():
             raise CphdError('samples are NaN or infinite; leave such pulses out')
-        delay_s = reference_delays(block.tx_m, block.rx_m, self._reference_m)
+        tx_m, rx_m = block.centres_m
+        delay_s = reference_delays(tx_m, rx_m, self._reference_m)
         samples = self._turned(block, delay_s)
         amplitude = np.empty(delay_s.shape)
         for channel, file in enumerate(self.files):
@@ -522,9 +523,10 @@ class _Spool:
             amplitude[:, channel] = full_scale(own, self._sample_type)
             file.write(encode(own, amplitude[:, channel], self._sign,
                               self._sample_type).tobytes())
-        self._told.append((block.stamp_ns, block.tx_m, block.rx_m, amplitude,
-                           block.samples.any(axis=-1)))
-        self._looks.append(block.pointing)
+        self._told.append((block.stamp_ns, tx_m, rx_m, amplitude,
+                           np.asarray(block.samples.any(axis=-1))))
+        if block.pointing is not None:
+            self._looks.append(block.pointing)
 
     def _begin(self, block: PulseBlock) -> None:
         radar = block.radar
@@ -569,7 +571,7 @@ class _Spool:
             raise CphdError('there is no pulse to write')
         antenna = None
         if pattern is not None:
-            if None in self._looks:
+            if len(self._looks) < len(self._told):
                 raise CphdError('pulses do not tell where the antenna looked; give them their '
                                 'pointing, or leave the antenna out')
             antenna = WrittenAntenna.of(pattern, Pointing.join(self._looks), self._datum)

@@ -239,7 +239,7 @@ class SicdContainer:
         return [(offset, n) for _, offset, n, _ in found]
 
 
-def _load(file: IO[bytes]) -> Any:
+def _load(file: _Bounded) -> Any:
     """Headers of a NITF file; of a damaged one jbpy raises what its parsers meet."""
     jbpy = require('jbpy', 'reading SICD')
     logger = logging.getLogger('jbpy')  # reports each odd field; of old files there are many

@@ -190,7 +190,7 @@ def sicd_axes(acquisition: Acquisition, centre_m: ArrayLike, plane: str
     else:
         raise ValueError(f'plane={plane!r}; expected "ground" or "slant"')
     length = np.linalg.norm(normal)
-    if not length > 1e-6 * max(np.linalg.norm(velocity), 1e-6):
+    if not length > 1e-6 * max(float(np.linalg.norm(velocity)), 1e-6):
         raise ValueError('the line of sight lies along the flight, or the radar does not move: '
                          'there is no slant plane; form the image on the ground plane')
     normal = normal / length
@@ -251,9 +251,11 @@ def sicd_grid(acquisition: Acquisition, centre_m: ArrayLike, range_size_m: float
             raise ValueError(f'{name}={size}; expected a positive length in metres')
     row, column = sicd_axes(acquisition, centre, plane)
     if spacing_m is None:
-        spacing_m = tuple(1 / (OVERSAMPLING * support(acquisition, centre, axis).bandwidth)
-                          for axis in (row, column))
-    row_step, column_step = spacing_m
+        row_step, column_step = (
+            1 / (OVERSAMPLING * support(acquisition, centre, axis).bandwidth)
+            for axis in (row, column))
+    else:
+        row_step, column_step = spacing_m
     row_step = _whole_quarters(row_step, support(acquisition, centre, row).centre)
     n_rows, n_columns = (max(2, round(size / step) + 1)
                          for size, step in ((range_size_m, row_step),

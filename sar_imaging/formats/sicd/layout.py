@@ -134,11 +134,13 @@ def lay_out(grid: Grid, acquisition: Acquisition) -> SicdLayout:
     order = [1, 0] if transposed else [0, 1]
     spacing = lengths[order]
     axes = steps[order] * (np.array(signs) / spacing)[:, None]
-    shape = tuple(int(grid.shape[axis]) for axis in order)
+    n_rows, n_columns = (int(grid.shape[axis]) for axis in order)
+    shape = n_rows, n_columns
     first = [0 if sign > 0 else n - 1 for sign, n in zip(signs, shape, strict=True)]
     origin = np.asarray(grid.positions(*(first[axis] for axis in order)))
     scp = origin + (np.array(shape) // 2 * spacing) @ axes
-    supports = tuple(support(acquisition, scp, axis) for axis in axes)
+    along, across = (support(acquisition, scp, axis) for axis in axes)
+    supports = along, across
     _check_sampling(supports, spacing)
     quarters = tuple(round(4 * one.centre * step) for one, step in zip(supports, spacing,
                                                                        strict=True))

@@ -96,7 +96,8 @@ def two_way_antenna(acquisition: Acquisition, datum: Datum,
         _logger.warning(
             'the polynomial of the antenna departs by up to %.2g dB from its gain of both ways '
             'above -20 dB, and SICD has no tables: CPHD of the pulses has one', 2 * lobe.error_db)
-    return TwoWayAntenna(*axes, 2 * lobe.coefficients, 2 * lobe.error_db)
+    x_axis, y_axis = axes
+    return TwoWayAntenna(x_axis, y_axis, 2 * lobe.coefficients, 2 * lobe.error_db)
 
 
 def antenna_element(own: TwoWayAntenna, carrier_hz: float) -> dict[str, Any]:
@@ -215,7 +216,8 @@ class _Fit:
     def _fitted(self, values: np.ndarray, *, relative: bool) -> np.ndarray:
         for order in range(_HIGHEST_ORDER + 1):
             n = order + 1
-            matrix = np.polynomial.polynomial.polyvander2d(*self._places.T, [order] * 2)
+            matrix = np.polynomial.polynomial.polyvander2d(
+                self._places[:, 0], self._places[:, 1], [order] * 2)
             weight = 1 / values if relative else np.ones(len(values))
             found = np.linalg.lstsq(matrix * weight[:, None], values * weight, rcond=None)[0]
             ratio = np.maximum(matrix @ found * weight, 1e-9)
@@ -366,7 +368,7 @@ def _aperture_centre(own: Description) -> tuple[np.ndarray, np.ndarray]:
             own.datum.vectors_from_ecef(velocity))
 
 
-def _up(geographic: Sequence[float]) -> np.ndarray:
+def _up(geographic: Sequence[float | np.ndarray]) -> np.ndarray:
     latitude, longitude = np.radians(geographic[0]), np.radians(geographic[1])
     return np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude),
                      np.sin(latitude)])
@@ -410,7 +412,7 @@ def _local_spectra(own: Description) -> np.ndarray:
 def _spectrum_ends(layout: SicdLayout, axis: int, polynomial: np.ndarray) -> tuple[float, float]:
     """DeltaK1 and DeltaK2: the spectra of all corners, or all there is where they wrap around."""
     corners = (np.array(_corners(layout)) - layout.scp_pixel) * layout.spacing_m
-    offsets = np.polynomial.polynomial.polyval2d(*corners.T, polynomial)
+    offsets = np.polynomial.polynomial.polyval2d(corners[:, 0], corners[:, 1], polynomial)
     half, edge = layout.supports[axis].bandwidth / 2, 0.5 / layout.spacing_m[axis]
     low, high = offsets.min() - half, offsets.max() + half
     return (float(low), float(high)) if -edge <= low and high <= edge else (-edge, edge)
@@ -469,7 +471,8 @@ def _image_formation(own: Description) -> dict[str, Any]:
 
 def _band(acquisition: Acquisition) -> tuple[float, float]:
     """Ends of the band, hertz."""
-    return tuple(k * SPEED_OF_LIGHT / 2 for k in acquisition.wavenumbers_per_m)
+    low, high = acquisition.wavenumbers_per_m
+    return low * SPEED_OF_LIGHT / 2, high * SPEED_OF_LIGHT / 2
 
 
 _PARTS = {'CollectionInfo': _collection, 'ImageCreation': _creation, 'ImageData': _image_data,

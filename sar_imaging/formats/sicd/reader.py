@@ -7,6 +7,7 @@ Values of the XML are found by their place, each checked where it is read.
 
 from __future__ import annotations
 
+import dataclasses
 import datetime
 import json
 import math
@@ -335,15 +336,15 @@ def _acquisition(fields: Fields, datum: Datum) -> Acquisition:
     else:
         tx_m = rx_m = evaluate(arp, times + _delay(evaluate(arp, times), scene))
     polarisation = fields.text('ImageFormation/TxRcvPolarizationProc', UNKNOWN)
-    places = {'tx_m': datum.from_ecef(tx_m), 'rx_m': datum.from_ecef(rx_m)}
-    names = dict(collector=fields.text('CollectionInfo/CollectorName', UNKNOWN),
-                 illuminator=fields.text('CollectionInfo/IlluminatorName', ''),
-                 name=fields.text('CollectionInfo/CoreName', ''))
+    found = Acquisition(radar, stamp_of(start, times), datum.from_ecef(tx_m),
+                        datum.from_ecef(rx_m),
+                        collector=fields.text('CollectionInfo/CollectorName', UNKNOWN),
+                        illuminator=fields.text('CollectionInfo/IlluminatorName', ''),
+                        name=fields.text('CollectionInfo/CoreName', ''))
     try:
-        return Acquisition(radar, stamp_of(start, times), **places, **names,
-                           polarisation=polarisation)
-    except ValueError:  # a polarisation that only its writer knows
-        return Acquisition(radar, stamp_of(start, times), **places, **names)
+        return dataclasses.replace(found, polarisation=polarisation)
+    except ValueError:  # one that only its writer knows
+        return found
 
 
 def _delay(places: Any, scene: np.ndarray) -> np.ndarray:

@@ -93,13 +93,15 @@ def fit_track(acquisition: Acquisition, datum: Datum, scene_m: ArrayLike) -> Tra
     if not speed * (last - first) * 1e-9 > 1e-6:
         raise ValueError('the radar does not move: SICD describes images by the direction of '
                          'flight; write a GeoTIFF')
+    arp, tx, rx = (fit for fit, _ in fits)
     return Track(date_of(start_ns), pulse_s, pulse_s[-1] + interval_s, float(middle_s),
-                 *(fit for fit, _ in fits), max(error for _, error in used), bool(bistatic))
+                 arp, tx, rx, max(error for _, error in used), bool(bistatic))
 
 
 def evaluate(coefficients: np.ndarray, times_s: ArrayLike) -> np.ndarray:
     """(..., 3) positions of a polynomial (3, n) at times, seconds."""
-    return np.moveaxis(np.polynomial.polynomial.polyval(times_s, coefficients.T), 0, -1)
+    values = np.polynomial.polynomial.polyval(np.asarray(times_s, np.float64), coefficients.T)
+    return np.moveaxis(np.asarray(values), 0, -1)
 
 
 def stamp_of(start: datetime.datetime, seconds: ArrayLike) -> np.ndarray:

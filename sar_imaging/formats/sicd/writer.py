@@ -84,7 +84,7 @@ def write_sicd(path: os.PathLike[str] | str, image: Image, datum: Datum,
     layout = lay_out(image.grid, acquisition)
     track = fit_track(acquisition, datum, layout.scp_m)
     stored, amplitudes, scale = container.encoded(layout.at_baseband(image.samples), pixel_type)
-    factors = (None if response is None else
+    factors = (None if response is None or constant is None else
                radiometric(image, layout, response, constant, scale))
     tree = sicd_tree(Description(layout, track, acquisition, datum, pixel_type, amplitudes, scale,
                                  classification, factors, image.radiometry))

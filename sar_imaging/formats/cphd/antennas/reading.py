@@ -111,16 +111,17 @@ def _side(container: Container, told: dict[str, str], side: str, pvps: np.ndarra
     pattern = _named(container, 'AntPattern', told.get(f'{side}APATId'))
     centre = _named(container, 'AntPhaseCenter', told.get(f'{side}APCId'))
     frame = _named(container, 'AntCoordFrame', centre.findtext('{*}ACFId'))
-    time_s = np.asarray(pvps[f'{side}Time'] if f'{side}Time' in pvps.dtype.names
+    names = set(pvps.dtype.names or ())
+    time_s = np.asarray(pvps[f'{side}Time'] if f'{side}Time' in names
                         else pvps['TxTime'], np.float64)
     by_vector = frame.findtext('{*}UseACFPVP') in ('true', '1')
-    if by_vector and {f'{side}ACX', f'{side}ACY'} <= set(pvps.dtype.names):
+    if by_vector and {f'{side}ACX', f'{side}ACY'} <= names:
         x, y = (np.asarray(pvps[f'{side}AC{axis}'], np.float64) for axis in 'XY')
     else:
         x, y = (np.stack([_evaluated(frame.find(f'{{*}}{name}AxisPoly/{{*}}{axis}'), time_s)
                           for axis in 'XYZ'], axis=-1) for name in 'XY')
     boresight = pattern.find('{*}EB')
-    if boresight.findtext('{*}UseEBPVP') in ('true', '1') and f'{side}EB' in pvps.dtype.names:
+    if boresight.findtext('{*}UseEBPVP') in ('true', '1') and f'{side}EB' in names:
         steering = np.asarray(pvps[f'{side}EB'], np.float64)
     else:
         steering = np.stack([_evaluated(boresight.find(f'{{*}}DC{axis}Poly'), time_s)
@@ -173,7 +174,7 @@ def _evaluated(node: Any, *at: np.ndarray) -> np.ndarray:
         raise CphdError('a polynomial of it has coefficients that are no numbers')
     if len(at) == 1:
         return np.polynomial.polynomial.polyval(at[0], coefficients)
-    return np.polynomial.polynomial.polyval2d(*at, coefficients)
+    return np.polynomial.polynomial.polyval2d(at[0], at[1], coefficients)
 
 
 def _gain(container: Container, pattern: Any
@@ -190,12 +191,12 @@ def _gain(container: Container, pattern: Any
         table, cosines = _table(container, name)
         other = _table(container, element)[0] if element else None
         return (table if other is None else lambda x, y: table(x, y) + other(x, y)), cosines
-    nodes = [pattern.find(f'{{*}}{kind}/{{*}}GainPoly') for kind in ('Array', 'Element')]
+    own, of_element = (pattern.find(f'{{*}}{kind}/{{*}}GainPoly') for kind in ('Array', 'Element'))
 
     def polynomial(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return sum(_evaluated(node, x, y) for node in nodes)
+        return _evaluated(own, x, y) + _evaluated(of_element, x, y)
 
-    return polynomial, tuple(_main_lobe(polynomial, axis) for axis in (0, 1))
+    return polynomial, (_main_lobe(polynomial, 0), _main_lobe(polynomial, 1))
 
 
 def _table(container: Container, name: str
@@ -207,20 +208,20 @@ def _table(container: Container, name: str
               if n.findtext('{*}Identifier') == name]
     first, step = ([float(node.findtext(f'{{*}}{axis}{what}')) for axis in 'XY']
                    for what in ('0', 'SS'))
-    cosines = tuple(a + b * np.arange(n) for a, b, n in zip(first, step, gain.shape, strict=True))
-    if min(gain.shape) < 2 or min(step) <= 0 or max(abs(c).max() for c in cosines) > 1 + 1e-9:
+    x, y = (a + b * np.arange(n) for a, b, n in zip(first, step, gain.shape, strict=True))
+    if min(gain.shape) < 2 or min(step) <= 0 or max(np.abs(x).max(), np.abs(y).max()) > 1 + 1e-9:
         raise CphdError(f'its table {name!r} has {gain.shape} gains from {first} by {step}')
     if not np.isfinite(gain).all():
         raise CphdError(f'its table {name!r} has gains that are no numbers')
     gain = np.where(gain <= DARK_DB + 1, -np.inf, gain)
     between = scipy.interpolate.RegularGridInterpolator(
-        cosines, 10 ** (gain / 10), bounds_error=False, fill_value=0.0)
+        (x, y), 10 ** (gain / 10), bounds_error=False, fill_value=0.0)
 
     def at(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         with np.errstate(divide='ignore'):
             return 10 * np.log10(between(np.stack(np.broadcast_arrays(x, y), axis=-1)))
 
-    return at, cosines
+    return at, (x, y)
 
 
 def _main_lobe(gain_db: Callable[[np.ndarray, np.ndarray], np.ndarray], axis: int) -> np.ndarray:
@@ -248,7 +249,7 @@ def _cut(sides: list[_Side], axis: int, *, reverse: bool) -> PatternCut:
     if not (first < 0 < last):
         raise CphdError('its gain does not reach around the boresight')
     cosine = np.linspace(first, last, n)
-    gain = sum(side.gain_db(*_on_axis(cosine, axis)) for side in sides)
+    gain = np.sum([side.gain_db(*_on_axis(cosine, axis)) for side in sides], axis=0)
     amplitude = 10 ** (gain / 20)
     if not (np.isfinite(amplitude).all() and amplitude.max() > 0):
         raise CphdError('its gain is no number on the boresight, or none')

@@ -75,7 +75,7 @@ class LobePolynomial:
         found = []
         for order in _ORDERS:
             coefficients = _fitted(gain_db, lobes, order)
-            missed = polynomial.polygrid2d(*places, coefficients) - wanted
+            missed = polynomial.polygrid2d(places[0], places[1], coefficients) - wanted
             found.append(cls(coefficients, float(np.abs(missed[bright]).max())))
             if found[-1].error_db < _WANTED_DB:
                 break
@@ -91,10 +91,10 @@ def _fitted(gain_db: Callable[[np.ndarray, np.ndarray], np.ndarray],
     gain = gain_db(*places)
     used = gain > 2 * _MAIN_LOBE_DB
     weight = 10 ** (np.minimum(gain[used] - _LEVEL_DB + _MARGIN_DB, 0.0) / 10)
-    matrix = chebyshev.chebvander2d(*(part[used] for part in np.meshgrid(
-        node, node, indexing='ij')), [order] * 2)
-    boresight = chebyshev.chebvander2d(*(
-        np.array([-(first + last) / (last - first)]) for first, last in lobes), [order] * 2)
+    across, down = (part[used] for part in np.meshgrid(node, node, indexing='ij'))
+    matrix = chebyshev.chebvander2d(across, down, [order] * 2)
+    across, down = (np.array([-(first + last) / (last - first)]) for first, last in lobes)
+    boresight = chebyshev.chebvander2d(across, down, [order] * 2)
     found = np.linalg.lstsq(
         np.vstack([matrix * weight[:, None], _BORESIGHT * boresight]),
         np.append(gain[used] * weight, 0.0), rcond=None)[0].reshape(order + 1, order + 1)
