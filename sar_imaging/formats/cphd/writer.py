@@ -385,7 +385,12 @@ def _reference_geometry(tree: Any, vectors: np.ndarray) -> Any:
                         'for them')
     with np.errstate(invalid='ignore', divide='ignore'):
         geometry = sarkit.compute_reference_geometry(tree, vectors[0])
-    if any(node.text == 'nan' for node in geometry.iter()):
+    undefined = {node.tag.rpartition('}')[2]: node for node in geometry.iter()
+                 if node.text == 'nan'}
+    if undefined.keys() <= {'BistaticAngle', 'BistaticAngleRate'}:
+        for node in undefined.values():  # arccos of what rounding put above 1: both ways are one
+            node.text = '0.0'
+    else:
         raise CphdError('the reference geometry is not defined: a phase centre is at the middle '
                         'of the grid or above it, or moves straight towards, away from or over it')
     _within_limits(geometry)

@@ -229,6 +229,21 @@ def test_no_scene_on_one_plane(tmp_path):
         write_cphd(tmp_path / 'a.cphd', [pulses()], DATUM, MapGrid((0, 0, 0), 10**5, 10**5, 100.0))
 
 
+@pytest.mark.parametrize('bearing', [0.3, 2.0])
+def test_a_channel_may_send_and_receive_at_one_place_beside_others(tmp_path, bearing):
+    """Its bistatic angle is the arc cosine of 1, or of what rounding puts above it."""
+    middle = 4139.874406901519 * np.array([0.5468 * np.cos(bearing), 0.5468 * np.sin(bearing),
+                                           0.8373])
+    velocity = np.array([249.975469768916, 0.0, -55.211885])
+    tx = np.repeat((middle + (np.arange(11) - 5.5)[:, None] * 0.01 * velocity)[:, None], 2, 1)
+    rx = tx + np.arange(2)[:, None] * velocity
+    block = dataclasses.replace(pulses(False, 2, 11), tx_m=tx, rx_m=rx)
+    for latitude in np.linspace(-80.0, 80.0, 33):
+        write_cphd(tmp_path / 'a.cphd', [block], Datum(latitude, 16.25, 0.0, 3.6), GRID,
+                   overwrite=True)
+    assert problems(tmp_path / 'a.cphd') == []
+
+
 @settings(max_examples=20, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_checker_accepts_any_geometry(tmp_path, data):
