@@ -20,7 +20,6 @@ import numpy as np
 from ...compilation import kernel_part, njit, numba
 from ...geometry.polar import PolarGrid
 from ...planning.interpolators import LINE_DEGREE
-from .illumination import Antennas, TileAmplitudes
 from .memory import WorkSpace, plain
 from .phasors import cos_cycles, fraction, sin_cycles
 from .profiles import Profiles
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
     from ...geometry.illumination import Illumination
     from ...planning.exact.backprojection import BackprojectionPlan
     from ...planning.exact.illumination import LineAmplitudes
+    from .illumination import TileAmplitudes
 
 LINES = 32  # image lines whose geometry is computed together
 _VECTOR = 32  # pixels that are added together, at most
@@ -470,10 +470,9 @@ class GridLineImages:
                              * np.arange(lines.n_pixels))
         self._tiles = None
         if route.amplitudes is not None:
-            echoes = Antennas.of(plan.illumination)
-            self._tiles = [TileAmplitudes(echoes, *route.amplitudes.nodes(
-                lines.locate(layer), lines.n_lines, lines.n_pixels, segment))
-                for layer in range(len(lines.layouts))]
+            self._tiles = _amplitudes(plan.illumination, [route.amplitudes.nodes(
+                lines.locate(layer), lines.n_lines, lines.n_pixels, segment)
+                for layer in range(len(lines.layouts))])
 
     def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray
             ) -> None:
@@ -515,8 +514,7 @@ class PolarLines:
         polar = self._polar
         layout = np.array([polar.n_alpha, 0, image.shape[-1], 1, image[0].size])
         project_lines(self._profiles, samples, tx_m, rx_m, [(self._lines, layout)], self._ramp,
-                      image.reshape(-1), self._nodes and [
-                          TileAmplitudes(Antennas.of(illumination), *self._nodes)])
+                      image.reshape(-1), self._nodes and _amplitudes(illumination, [self._nodes]))
 
     def fill(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray,
              weights: np.ndarray | None = None, illumination: Illumination | None = None) -> None:
@@ -525,6 +523,15 @@ class PolarLines:
         if weights is not None:
             samples = samples * weights[:, None]
         self.add(samples, tx_m, rx_m, image, illumination)
+
+
+def _amplitudes(illumination: Illumination | None, nodes: Sequence[tuple[np.ndarray, ...]]
+                ) -> list[TileAmplitudes]:
+    """Amplitudes of echoes over the tiles of each layer, from its nodes."""
+    from .illumination import Antennas, TileAmplitudes  # few images have a pattern
+
+    echoes = Antennas.of(illumination)
+    return [TileAmplitudes(echoes, *one) for one in nodes]
 
 
 def _phasor(cycles: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _ROUTE = {'window', 'resampling', 'errors_db', 'cost', 'amplitudes'}
 _KNOWN = {BackprojectionPlan: {'grid', 'radar', 'tx_m', 'rx_m', 'range_m', 'route', 'warnings',
-                              'illumination'},
+                              'chance_db', 'illumination'},
           LinePlan: _ROUTE | {'lines'},
           PointPlan: _ROUTE | {'range_m', 'tile', 'reach_m'},
           PolarPlan: _ROUTE | {'polar', 'range_m', 'axis', 'between', 'along', 'parts',
