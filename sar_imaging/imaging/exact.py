@@ -20,14 +20,13 @@ import numpy as np
 
 from .. import backends
 from ..device_arrays import contiguous, zeros_beside
-from ..geometry.grids import as_even
 from ..memory import IMAGE_BYTES
 from ..planning.exact.backprojection import (
     LEAST_TARGET_DB,
     BackprojectionPlan,
     plan_backprojection,
 )
-from ..planning.exact.points import ImagePoints
+from ..planning.exact.points import ImagePoints, pixels_of
 from ..planning.exact.pulse_power import PulsePower
 from ..planning.plan import EXACT_SHARES, error_budget
 from ..planning.profiles import OutOfReach, PhaseHistory
@@ -62,7 +61,7 @@ class Exact(Method):
         if not LEAST_TARGET_DB <= target_db <= -20.0:
             raise ValueError(f'target_db={target_db}; expected -100 to -20 dB, float32 '
                              'arithmetic reaches -100 dB')
-        self._pixels = as_even(self.grid) or ImagePoints.of_grid(self.grid)
+        self._pixels = pixels_of(self.grid)
         self._backend = backends.backend(self.options.backend)
         self._sum: Backprojection | None = None
         self._plan: BackprojectionPlan | None = None

@@ -27,6 +27,12 @@ def total_db(*errors_db: float) -> float:
     return 10 * math.log10(sum(10 ** (error / 10) for error in errors_db))
 
 
+def with_chance(errors_db: Mapping[str, float], more_db: float) -> dict[str, float]:
+    """Errors by cause, dB, and that of chance, by which all together grow by `more_db`."""
+    chance_db = total_db(*errors_db.values()) + 10 * math.log10(10 ** (more_db / 10) - 1)
+    return {**errors_db, 'chance': chance_db}
+
+
 def remaining_db(target_db: float, *errors_db: float) -> float:
     """What independent errors leave of a target, dB."""
     return 10 * math.log10(10 ** (target_db / 10) - sum(10 ** (error / 10) for error in errors_db))

@@ -43,7 +43,7 @@ from ..imaging.image import Report
 from ..memory import IMAGE_BYTES
 from ..planning.costs import costs
 from ..planning.echo_power import echo_power
-from ..planning.plan import total_db
+from ..planning.plan import total_db, with_chance
 from ..planning.profiles import (
     ECHOES_PER_PASS,
     RangeGate,
@@ -56,7 +56,7 @@ from ..planning.profiles import (
 )
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
-from .judged import JudgedMethod, JudgedPlan, may_err_db, with_chance
+from .judged import JudgedMethod, JudgedPlan, may_err_db
 
 ENDS = 'ends of profiles'  # the cause that no sampling helps
 # A few dozen scatterers are by chance darker than their pulses; bright parts that are small are

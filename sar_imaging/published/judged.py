@@ -8,8 +8,8 @@ What is bright beyond an image, or beyond the profiles, brings an error that no 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,10 +18,9 @@ from ..geometry.grids import EvenGrid, Grid
 from ..imaging.image import Report
 from ..imaging.methods import Method
 from ..planning.echo_power import chance_db, echoes_alike
-from ..planning.exact.points import ImagePoints, extent, resolved_cells
+from ..planning.exact.points import ImagePoints, extent, pixels_of, resolved_cells
 from ..planning.exact.pulse_power import PulsePower
 from ..planning.plan import Plan, total_db
-from ..planning.profiles import some_pixels
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 
@@ -35,16 +34,10 @@ class JudgedPlan(Plan):
     tx_m: np.ndarray
     rx_m: np.ndarray
 
-    @property
+    @functools.cached_property
     def pixels(self) -> EvenGrid | ImagePoints:
         """Those of the image."""
         return pixels_of(self.grid)
-
-    @property
-    def some_pixels_m(self) -> np.ndarray:
-        """(S, 3) float64 positions all over the image, metres."""
-        pixels = self.pixels
-        return pixels.some() if isinstance(pixels, ImagePoints) else some_pixels(pixels)
 
     @property
     def echoes_m(self) -> tuple[np.ndarray, np.ndarray]:
@@ -84,19 +77,8 @@ class JudgedMethod(Method):
         return {}
 
 
-def pixels_of(grid: Grid) -> EvenGrid | ImagePoints:
-    """Pixels of a grid, as planning has them."""
-    return grid if isinstance(grid, EvenGrid) else ImagePoints.of_grid(grid)
-
-
 def may_err_db(grid: Grid, tx_m: np.ndarray, rx_m: np.ndarray, radar: RadarParameters,
                of_many_db: float) -> float:
     """By how much an image may err more than predicted by chance, dB; see `chance_db`."""
     return chance_db(resolved_cells(pixels_of(grid), tx_m.reshape(-1, 3), rx_m.reshape(-1, 3),
                                     radar), of_many_db)
-
-
-def with_chance(errors_db: Mapping[str, float], more_db: float) -> dict[str, float]:
-    """Errors by cause, and what is to be added by chance for all to grow by `more_db`, dB."""
-    chance_db = total_db(*errors_db.values()) + 10 * math.log10(10 ** (more_db / 10) - 1)
-    return {**errors_db, 'chance': chance_db}

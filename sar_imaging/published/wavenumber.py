@@ -24,10 +24,11 @@ from ..geometry.track import StraightTrack, check_straight, fit_straight_track, 
 from ..imaging.image import Report
 from ..memory import IMAGE_BYTES
 from ..planning.exact.pulse_power import PulsePower
+from ..planning.plan import with_chance
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from ..signal.spectra import band_frequencies, band_spectrum, beyond_band
-from .judged import JudgedMethod, JudgedPlan, may_err_db, with_chance
+from .judged import JudgedMethod, JudgedPlan, may_err_db
 
 #: Largest error of the two-way path that the straight track may cause, wavelengths (11 degrees).
 PATH_TOLERANCE_WAVELENGTHS = 1 / 32
@@ -82,7 +83,9 @@ class Wavenumber(JudgedMethod):
 
         Where they end among echoes, or are cut short, that is some of each echo.
         """
-        return {'beyond the band': at_pixels.of(beyond_band(echoes, self.radar))}
+        some, number = at_pixels.without_repetition
+        few = dataclasses.replace(at_pixels, echoes=number)
+        return {'beyond the band': few.of(beyond_band(echoes[some], self.radar))}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

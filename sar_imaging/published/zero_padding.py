@@ -25,12 +25,14 @@ from ..geometry.half_paths import half_paths
 from ..geometry.track import mean_centres
 from ..imaging.image import Report
 from ..memory import IMAGE_BYTES
+from ..planning.exact.points import some_of
 from ..planning.exact.pulse_power import PulsePower
+from ..planning.plan import with_chance
 from ..planning.profiles import check_reach, echoes_for_means, reach_warnings, some_pixels
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
 from ..signal.spectra import resampled_from_spectrum
-from .judged import JudgedMethod, JudgedPlan, may_err_db, with_chance
+from .judged import JudgedMethod, JudgedPlan, may_err_db
 
 #: How a zero-padded profile is read between its samples.
 INTERPOLATORS = ('nearest', 'linear', 'cubic', 'sinc')
@@ -135,7 +137,7 @@ class ZeroPaddingPlan(JudgedPlan):
         ``1 / (2 pi d cos(w / 2))`` of each, on average between two samples half of its square.
         """
         tx, rx = (a[echoes_for_means(len(a))] for a in self.echoes_m)
-        after = (half_paths(tx, rx, self.some_pixels_m)[0] - self.radar.range_start_m
+        after = (half_paths(tx, rx, some_of(self.pixels))[0] - self.radar.range_start_m
                  ) / self.radar.sample_spacing_m
         away = np.maximum(np.stack([after, self.n_samples - 1 - after]) + 0.5, 0.5)
         edge = math.pi * min(self.radar.bandwidth_hz / self.radar.sample_rate_hz, _FULL)

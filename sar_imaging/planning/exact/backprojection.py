@@ -23,7 +23,7 @@ from ...signal.radar import RadarParameters
 from ..ambiguities import azimuth_warnings
 from ..costs import costs
 from ..echo_power import chance_db, echo_powers, echoes_alike
-from ..plan import Plan, total_db
+from ..plan import Plan, total_db, with_chance
 from ..profiles import (
     PhaseHistory,
     RangeGate,
@@ -35,7 +35,6 @@ from ..profiles import (
     least_cost,
     plan_resampling,
     reach_warnings,
-    some_pixels,
 )
 from .groups import GroupPlan, plan_groups
 from .points import (
@@ -47,6 +46,7 @@ from .points import (
     plan_points,
     point_operations,
     resolved_cells,
+    some_of,
 )
 
 if TYPE_CHECKING:
@@ -240,9 +240,7 @@ class BackprojectionPlan(Plan):
     @property
     def errors_db(self) -> Mapping[str, float]:
         """Predicted error against time-domain correlation by cause, dB."""
-        own = total_db(*self.route.errors_db.values())
-        chance = own + 10 * math.log10(10 ** (self.chance_db / 10) - 1)
-        return {**self.route.errors_db, 'chance': chance}
+        return with_chance(self.route.errors_db, self.chance_db)
 
     @property
     def seconds(self) -> float:
@@ -304,7 +302,7 @@ def plan_backprojection(grid: _Even | ImagePoints, radar: RadarParameters, n_sam
     near = 10 ** (target_db / 10) < route.window.end_error(np.array(range_m)).max()
     if near and illumination is None:
         route = _with_ends(route, grid, radar, tx_m, rx_m)
-    some = grid.some() if isinstance(grid, ImagePoints) else some_pixels(grid)
+    some = some_of(grid)
     start, stop = covered_ranges(radar, n_samples)
     beyond: tuple[str, ...] = ()
     if band is None and (range_m[0] < start or stop < range_m[1]):

@@ -19,11 +19,19 @@ from ...geometry.grids import (
     PointGrid,
     TerrainGrid,
     VolumeGrid,
+    as_even,
 )
 from ...geometry.half_paths import half_paths
 from ..echo_power import echo_cells
 from ..plan import EXACT_SHARES, Plan, error_budget
-from ..profiles import PhaseHistory, RangeGate, RangeResampling, mean_db, plan_point_resampling
+from ..profiles import (
+    PhaseHistory,
+    RangeGate,
+    RangeResampling,
+    mean_db,
+    plan_point_resampling,
+    some_pixels,
+)
 
 if TYPE_CHECKING:
     from ...geometry.illumination import Illumination
@@ -153,6 +161,16 @@ def draw(shape: Sequence[int], n: int) -> list[np.ndarray]:
     """Numbers of n pixels all over an image along each of its axes, (n,) int64 each."""
     rng = np.random.default_rng(0)
     return [rng.integers(0, size, n) for size in shape]
+
+
+def pixels_of(grid: Grid) -> MapGrid | PlaneGrid | VolumeGrid | ImagePoints:
+    """Pixels of any grid, as exact images have them."""
+    return as_even(grid) or ImagePoints.of_grid(grid)
+
+
+def some_of(pixels: EvenGrid | ImagePoints) -> np.ndarray:
+    """(S, 3) float64 positions all over an image, metres."""
+    return pixels.some() if isinstance(pixels, ImagePoints) else some_pixels(pixels)
 
 
 def extent(grid: EvenGrid | ImagePoints) -> tuple[np.ndarray, np.ndarray]:

@@ -73,14 +73,14 @@ class PulsePower:
             where: Any = beside(self.echoes, echoes), beside(self.samples, echoes)
             values = to_host(echoes[where])
         else:
-            some, row = self._few
+            some, row = self.without_repetition
             bands = to_host(echoes[beside(some, echoes)]) * self.gain
             values = scipy.fft.ifft(bands, _FINER * len(self.gain), norm='forward')[
                 row, self.samples]
         return float(self.share @ (values.real ** 2 + values.imag ** 2))
 
     @functools.cached_property
-    def _few(self) -> tuple[np.ndarray, np.ndarray]:
+    def without_repetition(self) -> tuple[np.ndarray, np.ndarray]:
         """Echoes without repetition, and the place of each among them."""
         return np.unique(self.echoes, return_inverse=True)
 
