@@ -103,6 +103,22 @@ def few_cells(case: RandomCase, rng):
         'case': dataclasses.replace(case, grid=grid, pulses=p)}
 
 
+def dark_part(case: RandomCase, rng):
+    """Exact image of the darkest part of the map, a sixteenth to a quarter of it."""
+    whole, *_ = exact(case, rng)
+    size = np.maximum(np.array(whole.shape) * rng.uniform(0.25, 0.5), 8).astype(int)
+    power = np.pad(np.abs(whole) ** 2, ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
+    n, m = size
+    part = power[n:, m:] - power[:-n, m:] - power[n:, :-m] + power[:-n, :-m]
+    row, column = np.unravel_index(part.argmin(), part.shape)
+    middle = [case.grid.x_m[column:column + m].mean(), case.grid.y_m[row:row + n].mean()]
+    grid = dataclasses.replace(case.grid, centre_m=(*map(float, middle), case.grid.z_m),
+                               n_x=int(m), n_y=int(n))
+    case = dataclasses.replace(case, grid=grid)
+    *image, more = exact(case, rng)
+    return *image, {**more, 'case': case}
+
+
 def zero_padding(case: RandomCase, rng):
     """Zero-padded backprojection of the profiles."""
     return _published('zero-padding', case, rng)
@@ -177,7 +193,8 @@ def form_live(grid, block, target_db: float, length: int, *, sliding: bool, illu
 #: Imagers, and in one of how many cases each has its turn.
 IMAGERS = {'exact': (exact, 1), 'afbp': (afbp, 1), 'ffbp': (ffbp, 8), 'live': (live, 8),
            'sliding': (sliding, 16), 'few cells': (few_cells, 4),
-           'zero-padding': (zero_padding, 8), 'wavenumber': (wavenumber, 4)}
+           'zero-padding': (zero_padding, 8), 'wavenumber': (wavenumber, 4),
+           'dark part': (dark_part, 1)}
 
 
 def measure(case: RandomCase, name: str) -> dict:

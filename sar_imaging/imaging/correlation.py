@@ -11,6 +11,7 @@ Both go through a backend, as all imagers do.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,10 +22,12 @@ from ..backends.protocol import Backend
 from ..geometry.illumination import AntennaPattern, Illumination
 from ..signal.pulses import PulseBlock
 from ..signal.radar import SPEED_OF_LIGHT
+from ..signal.spectra import band_spectrum
 from .image import Report
 from .methods import Method
 
 _POINTS_PER_CALL = 4096
+_SAMPLES_AT_ONCE = 2 ** 21  # bounds the float64 copies of a block, some 100 MB
 _ROUNDING_DB = -200.0  # of float64: the reference of errors has next to none
 _SERIES_ERROR_DB = -130.0  # of Knab's series: far below the -100 dB that float32 images reach
 _LEAST_SPARE = 0.05  # share of the sample rate without signal; less makes Knab's series endless
@@ -191,6 +194,45 @@ def correlate_profiles(block: PulseBlock, points: ArrayLike, *,
     pulses = (np.ascontiguousarray(a) for a in (block.samples, block.tx_m, block.rx_m))
     return optional_entry(backend, 'correlate_profiles')(
         radar, *pulses, points, math.ceil(sharpness / np.pi / spare), sharpness, *lit)
+
+
+def correlate_pulses(blocks: PulseBlock | Iterable[PulseBlock], points: np.ndarray, *,
+                     illumination: AntennaPattern | None = None, progress: bool = False
+                     ) -> tuple[np.ndarray, np.ndarray]:
+    """Time-domain correlation (TDC) of range profiles or phase histories, summed over all blocks.
+
+    Takes little memory besides the blocks. Parameters and values as of `correlate_profiles`;
+    phase histories go through `correlate`, and cover all points.
+
+    Raises
+    ------
+    ValueError
+        A block has no phase centres or cannot be correlated.
+    """
+    known = [blocks] if isinstance(blocks, PulseBlock) else blocks
+    total = blocks.n_pulses if isinstance(blocks, PulseBlock) else None
+    out, covered = np.zeros(len(points), np.complex128), np.ones(len(points), bool)
+    with tqdm(total=total, desc='verification', unit='pulse', disable=not progress) as bar:
+        for block in known:
+            if block.tx_m is None or block.rx_m is None:
+                raise ValueError('the block has no phase centres; correlation needs the transmit '
+                                 'and receive position of every pulse and channel')
+            step = max(1, _SAMPLES_AT_ONCE // max(1, block.n_channels * block.n_samples))
+            for start in range(0, block.n_pulses, step):
+                rows = slice(start, start + step)
+                part = block.select(rows)
+                if part.compressed:
+                    image, inside = correlate_profiles(part, points, illumination=illumination)
+                    out += image
+                    covered &= inside
+                else:
+                    out += correlate(
+                        *band_spectrum(part), block.tx_m[rows], block.rx_m[rows], points,
+                        propagation_speed_m_per_s=part.radar.propagation_speed_m_per_s,
+                        illumination=None if illumination is None else Illumination.of_pulses(
+                            illumination, part.pointing, block.tx_m[rows], block.rx_m[rows]))
+                bar.update(part.n_pulses)
+    return out, covered
 
 
 def _check(frequencies: np.ndarray, spectra: np.ndarray, tx: np.ndarray, rx: np.ndarray,

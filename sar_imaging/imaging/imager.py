@@ -24,7 +24,7 @@ from ..planning.ambiguities import flight_warnings
 from ..planning.profiles import BeyondPeriod
 from ..signal.pulses import PulseBlock
 from ..signal.radar import RadarParameters
-from .darkness import judged
+from .darkness import Correlated, correlated, judged
 from .image import Image, Report
 from .methods import AFBP, EXACT, Method, Options, method_class
 
@@ -275,7 +275,8 @@ class Imager:
         else:  # without a sum with zeros
             [block] = self._channels.blocks(block)
             image.samples, image.planned = self._formed(0, block)
-            self._count(block, image)
+            here = not (on_device(block.samples) or on_device(image.samples))
+            self._count(block, image, functools.partial(self._correlated, block) if here else None)
         for warning in set(image.report.warnings) - self._told:
             _logger.warning(warning)
         self._told.update(image.report.warnings)
@@ -343,14 +344,23 @@ class Imager:
         self.report = reports[0]
         return self.report
 
-    def _count(self, block: PulseBlock, image: Image) -> None:
+    def _count(self, block: PulseBlock, image: Image, reference: Correlated | None = None
+               ) -> None:
         """Take note in an image which pulses it has got, and what is known of it by now."""
         middle = int(np.sort(block.stamp_ns)[block.n_pulses // 2])
         image.stamp_ns += ((middle - image.stamp_ns) * block.n_pulses
                            // (image.n_pulses + block.n_pulses))
         image.counters = np.sort(np.concatenate([image.counters, block.counter.astype(np.int64)]))
         planned = cast(Report, image.planned)
-        self.report = image.report = judged(planned, image.samples, math.prod(self.grid.shape))
+        self.report = image.report = judged(planned, image.samples, self.grid, reference)
+
+    def _correlated(self, block: PulseBlock, points_m: np.ndarray
+                    ) -> tuple[np.ndarray, np.ndarray]:
+        """What the latest image, of this block, should be at points; see `Correlated`."""
+        latest = self._latest[0]
+        if latest.options.compressed and not self._options.compressed:
+            block = self._compressor(block)
+        return correlated(latest, block, points_m)
 
     def _formed(self, number: int, block: PulseBlock, onto: np.ndarray | None = None
                 ) -> tuple[np.ndarray, Report]:

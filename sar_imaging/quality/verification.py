@@ -15,15 +15,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from tqdm import tqdm
 
 from ..geometry.grids import Grid
-from ..geometry.illumination import AntennaPattern, Illumination
-from ..imaging.correlation import correlate, correlate_profiles
+from ..geometry.illumination import AntennaPattern
+from ..imaging.correlation import correlate_pulses
 from ..signal.pulses import PulseBlock
-from ..signal.spectra import band_spectrum
 
-_SAMPLES_AT_ONCE = 2 ** 21  # bounds the float64 copies of a block, some 100 MB
 _PIXELS_AT_ONCE = 2 ** 22
 
 
@@ -159,7 +156,8 @@ def measure_error(image: ArrayLike, where: Grid | ArrayLike,
     points = _positions(where, image.shape, chosen)
     known = ~np.isnan(points).any(axis=1)
     reference, covered = np.zeros(len(points), np.complex128), np.zeros(len(points), bool)
-    reference[known], covered[known] = _correlate(points[known], blocks, progress, illumination)
+    reference[known], covered[known] = correlate_pulses(
+        blocks, points[known], illumination=illumination, progress=progress)
     if not covered.any():
         raise ValueError(f'none of {len(chosen)} pixels is covered by all profiles: their ranges '
                          'come close to the ends of profiles or leave them; compare an image of '
@@ -235,36 +233,6 @@ def _positions(where: Grid | ArrayLike, shape: tuple[int, ...], chosen: np.ndarr
     if isinstance(where, Grid):
         return where.positions(*np.unravel_index(chosen, shape))
     return np.asarray(where, np.float64).reshape(-1, 3)[chosen]
-
-
-def _correlate(points: np.ndarray, blocks: PulseBlock | Iterable[PulseBlock], progress: bool,
-               illumination: AntennaPattern | None) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) correlation at the points, summed over all blocks, and (n,) which are covered."""
-    known = [blocks] if isinstance(blocks, PulseBlock) else blocks
-    total = blocks.n_pulses if isinstance(blocks, PulseBlock) else None
-    out, covered = np.zeros(len(points), np.complex128), np.ones(len(points), bool)
-    with tqdm(total=total, desc='verification', unit='pulse', disable=not progress) as bar:
-        for block in known:
-            if block.tx_m is None or block.rx_m is None:
-                raise ValueError('the block has no phase centres; correlation needs the transmit '
-                                 'and receive position of every pulse and channel')
-            step = max(1, _SAMPLES_AT_ONCE // max(1, block.n_channels * block.n_samples))
-            for start in range(0, block.n_pulses, step):
-                rows = slice(start, start + step)
-                part = block.select(rows)
-                if part.compressed:
-                    image, inside = correlate_profiles(part, points,
-                                                       illumination=illumination)
-                    out += image
-                    covered &= inside
-                else:
-                    out += correlate(
-                        *band_spectrum(part), block.tx_m[rows], block.rx_m[rows], points,
-                        propagation_speed_m_per_s=part.radar.propagation_speed_m_per_s,
-                        illumination=None if illumination is None else Illumination.of_pulses(
-                            illumination, part.pointing, block.tx_m[rows], block.rx_m[rows]))
-                bar.update(part.n_pulses)
-    return out, covered
 
 
 def _energy(values: np.ndarray) -> float:

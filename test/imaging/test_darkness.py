@@ -12,7 +12,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from benchmarks.prediction_campaign import ALLOWED_DB, campaign_case, exact
+from benchmarks.prediction_campaign import ALLOWED_DB, campaign_case, dark_part, exact, measure
 from sar_imaging.geometry.grids import PointGrid
 from sar_imaging.imaging.imager import plan_image
 from sar_imaging.planning.exact.points import ImagePoints
@@ -86,6 +86,29 @@ def test_geometries_of_the_campaign_no_longer_exceed_their_prediction(seed):
     image, predicted_db, *_ = exact(case, np.random.default_rng([seed, 0]))
     error_db = measure_error(case.scale * image, case.grid, case.pulses).error_db
     assert error_db <= predicted_db + 1.0  # measured: 0.1 dB above at most
+
+
+@pytest.mark.parametrize('seed', [3391009, 3391209])
+def test_the_error_of_a_dark_part_is_measured(seed):
+    """The first errs by 17 dB more than its darkness tells, the second by 5 dB."""
+    found = measure(campaign_case(seed), 'dark part')
+    assert found['error_db'] <= found['predicted_db'] + ALLOWED_DB
+    assert found['error_db'] >= found['predicted_db'] - ALLOWED_DB  # and not cried wolf
+
+
+def test_raw_pulses_under_windows_are_measured():
+    *_, more = dark_part(campaign_case(3391179), np.random.default_rng(1))
+    case = more['case']
+    raw, weights = case.pulses, np.linspace(0.5, 1.0, case.pulses.n_pulses, dtype=np.float32)
+    assert not raw.compressed
+    image = plan_image(case.grid, raw.radar, raw.n_samples, method='exact', target_db=-60.0,
+                       compressed=False, weighting='hamming', pulse_weights=weights)(raw)
+    hamming = 0.54 - 0.46 * np.cos(2 * np.pi * np.arange(raw.n_samples) / (raw.n_samples - 1))
+    known = dataclasses.replace(raw, samples=(
+        raw.samples * weights[:, None, None] * hamming / hamming.sum()).astype(np.complex64))
+    error_db = measure_error(image, case.grid, known).error_db
+    assert 'bright surroundings' in image.report.errors_db
+    assert error_db - 1.0 < image.report.predicted_error_db < error_db + 2.0  # standard error
 
 
 def test_images_that_grow_are_judged_by_all_their_pulses(lonely):
