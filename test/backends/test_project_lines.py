@@ -162,8 +162,8 @@ def test_polar_images_are_as_exact_as_predicted(seed, n_echoes, n_alpha, n_range
     tx[:, 2] = height_m
     rx = tx + (1e-4 * range_m * rng.standard_normal(3) if apart else 0.0)
     polar = PolarGrid((0.0, 0.0, height_m), (1.0, 0.0), 1, 0.0, range_m, spacing_m, n_range,
-                      rng.uniform(-0.3, 0.2), 0.1 * radar.wavelength_m / (0.002 * range_m + 1.0),
-                      n_alpha)
+                      rng.uniform(-0.3, 0.2),
+                      min(0.1 * radar.wavelength_m / (0.002 * range_m + 1.0), 0.01), n_alpha)
     lines = polar.lines(*(v.ravel() for v in np.meshgrid(
         np.linspace(*polar.range_m[[0, -1]], 5), np.linspace(*polar.alpha[[0, -1]], 5))))
     paths = sample_paths(tx, rx, lines)
@@ -182,8 +182,8 @@ def test_polar_images_are_as_exact_as_predicted(seed, n_echoes, n_alpha, n_range
     wanted = project_lines(window, samples, resampling.n_padded, tx, rx, polar)
     error_db = 20 * np.log10(np.linalg.norm(image - wanted) / np.linalg.norm(wanted))
     # Predictions are means over places between samples, of which few echoes and lines have few:
-    # within 3.5 dB in 300 examples, 0 to 0.6 dB in the middle.
-    assert error_db <= resampling.predicted_error_db + 5.0
+    # at most 3.7 dB above in 1,900 images of 100 pixels and more, 7.1 dB in 1,900 of 32 to 40.
+    assert error_db <= resampling.predicted_error_db + (5.0 if wanted.size >= 100 else 9.0)
     assert not parts[..., n_range:].any() or padding == 0
 
 
