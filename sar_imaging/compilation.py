@@ -12,6 +12,7 @@ import inspect
 import logging
 import os
 import re
+import signal
 import sys
 import tempfile
 import time
@@ -19,10 +20,18 @@ import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, NoReturn
+from typing import IO, Any, NoReturn
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 _OLDEST_NUMBA = (0, 58)
 _TELL_EVERY_S = 5.0
+# For a function that another process compiles, before it is compiled here, too: large ones take
+# ten seconds on a small board, and a process that was stopped would be waited for without end.
+_MOST_WAIT_S, _LOOK_EVERY_S = 60.0, 0.02
 
 _logger = logging.getLogger(__name__)
 
@@ -69,8 +78,10 @@ except ImportError as error:
     numba = SimpleNamespace(njit=_refusing, cfunc=_refusing, prange=range,
                             get_num_threads=lambda: 1, set_num_threads=lambda n: None,
                             threading_layer=lambda: 'workqueue')
-    caching, codegen, compiler, cpu = (SimpleNamespace(**{name: object}) for name in (
-        'IndexDataCacheFile', 'JITCodeLibrary', 'Compiler', 'CPUContext'))
+    caching, codegen, compiler, cpu = (
+        SimpleNamespace(**dict.fromkeys(names, object)) for names in (
+            ('IndexDataCacheFile', 'FunctionCache'), ['JITCodeLibrary'], ['Compiler'],
+            ['CPUContext']))
     event = SimpleNamespace(Listener=object, Event=object, install_listener=lambda kind, listener:
                             contextlib.nullcontext(listener))
 #: What computes images then, and how fast.
@@ -180,6 +191,9 @@ class _WideCompiler(compiler.Compiler):
         gc.disable()
         try:
             return super().compile_extra(function)
+        except BaseException:  # others need not wait for what comes to nothing
+            _unlock(function)
+            raise
         finally:
             if collected:
                 gc.enable()
@@ -264,9 +278,95 @@ class _CacheFile(caching.IndexDataCacheFile):
         return found
 
 
+class _SharedCache(caching.FunctionCache):
+    """Of a function that one process compiles, while others that need it wait for it.
+
+    Numba lets each of them compile it, and take the same name for code of different arguments.
+    """
+
+    def load_overload(self, sig, target_context):
+        found = super().load_overload(sig, target_context)
+        if found is None and self._py_func not in _locks:
+            lock = _locked(self, _MOST_WAIT_S)
+            if lock is not None:
+                _locks[self._py_func] = lock
+                found = super().load_overload(sig, target_context)
+                if found is not None:
+                    _unlock(self._py_func)
+        return found
+
+    def save_overload(self, sig, data):
+        try:
+            with _undisturbed():  # an index without its data would find those of a version before
+                super().save_overload(sig, data)
+        finally:
+            _unlock(self._py_func)
+
+
+#: Files that are locked while this process compiles functions.
+_locks: dict[Any, IO[bytes]] = {}
+
+
+def _locked(cache: Any, wait_s: float) -> IO[bytes] | None:
+    """Lock for a function's cache; None where another process has it, or there can be none."""
+    until_s = time.monotonic() + wait_s
+    with contextlib.suppress(OSError), contextlib.ExitStack() as opened:
+        file = opened.enter_context(open(
+            os.path.join(cache.cache_path, f'{cache._impl.filename_base}.lock'), 'wb'))
+        while fcntl is not None:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                opened.pop_all()
+                return file
+            except BlockingIOError:
+                if time.monotonic() >= until_s:
+                    break
+            with event.trigger_event('numba:run_pass'):  # may be given up, see `interruptible`
+                time.sleep(_LOOK_EVERY_S)
+    return None
+
+
+def _unlock(function: Any) -> None:
+    if function in _locks:
+        with _locks.pop(function) as file:
+            fcntl.flock(file, fcntl.LOCK_UN)  # processes that were forked have it open, too
+
+
+def shared(kernel: Any) -> bool:
+    """Whether other processes find what is compiled of a function, and wait for it."""
+    return isinstance(getattr(kernel, '_cache', None), _SharedCache)
+
+
+def compiled_elsewhere(kernel: Any) -> bool:
+    """Whether another process compiles a function, or none can tell."""
+    lock = _locked(kernel._cache, 0.0)
+    if lock is not None:
+        lock.close()
+    return lock is None
+
+
+@contextlib.contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Let signals that end a process wait."""
+    if not hasattr(signal, 'pthread_sigmask'):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT, signal.SIGTERM])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _with_installed(compiled: Any) -> Any:
-    """Have a function read what was compiled into an installation that it may not write to."""
-    file = getattr(getattr(compiled, '_cache', None), '_cache_file', None)
+    """Have a function share its cache, and read what was compiled into the installation, too.
+
+    The installation may be one that it may not write to.
+    """
+    cache = getattr(compiled, '_cache', None)
+    if type(cache) is caching.FunctionCache:
+        cache.__class__ = _SharedCache
+    file = getattr(cache, '_cache_file', None)
     if file is not None and not config.CACHE_DIR:
         beside = os.path.join(os.path.dirname(inspect.getfile(compiled.__wrapped__)),
                               '__pycache__')

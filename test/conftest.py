@@ -26,8 +26,6 @@ from sar_imaging.signal.pulses import concatenate
 from sar_imaging.signal.spectra import band_spectrum
 from sar_imaging.signal.waveforms import lfm_spectrum, n_pulse_samples
 
-from .compile_once import compile_once
-
 TESTS = Path(__file__).resolve().parent
 ROOT = TESTS.parent
 
@@ -42,8 +40,6 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # Threads of OpenMP that wait for each other would keep processors busy which other processes need:
 # twice the processor time for files of small images. Read where Numba starts its first threads.
 os.environ.setdefault('OMP_WAIT_POLICY', 'passive')
-
-compile_once()
 
 # Of what is collected nothing becomes garbage: Python need not look through it, now or later.
 gc.disable()

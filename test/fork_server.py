@@ -190,7 +190,7 @@ class Kernels:
         for key, name in files._load_index().items():
             if key == kernel._cache._index_key(key[0], kernel.targetctx.codegen()):
                 os.stat(files._data_path(name))
-                Dispatcher.compile.__wrapped__(kernel, key[0])  # waits for no other process
+                kernel.compile(key[0])
 
     def start_threads(self):
         """Let parallel loops have threads, in a fork."""
@@ -296,9 +296,6 @@ def run(module):
 
 
 if __name__ == '__main__':
-    from compile_once import compile_once
-
-    compile_once()
     for name in (*LOADED, *LOADED_LATER):
         importlib.import_module(name)
     # What Numba looks up before its first kernel, and rclpy with its first line of log.

@@ -237,6 +237,6 @@ def test_newer_numba_is_accepted(version):
 def test_kernels_are_compiled_by_a_command(capsys):
     assert main([]) == 0
     first = capsys.readouterr().out
-    assert 'functions compiled in' in first or 'were there already' in first
+    assert 'kernels compiled in' in first or 'were there already' in first
     assert main([]) == 0  # this process has them by now
     assert 'nothing to compile' in capsys.readouterr().out

@@ -4,14 +4,14 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ...compilation_helper import helped
 from ...planning.exact.backprojection import BackprojectionPlan
 from .memory import WorkSpace
-
-if TYPE_CHECKING:
-    import numpy as np
 
 # Module and class of each route, imported when a plan takes it first.
 _ROUTES = {'groups': ('groups', 'GroupImages'), 'polar': ('polar_image', 'PolarImage'),
@@ -33,4 +33,11 @@ class Backprojection:
     def add(self, samples: np.ndarray, tx_m: np.ndarray, rx_m: np.ndarray, image: np.ndarray
             ) -> None:
         """Add echoes to an image, see `backends.protocol.Backprojection`."""
-        self._route.add(samples, tx_m, rx_m, image)
+        with helped(functools.partial(form_silently, self.plan, samples.shape[1])):
+            self._route.add(samples, tx_m, rx_m, image)
+
+
+def form_silently(plan: BackprojectionPlan, n_samples: int) -> None:
+    """Form an image of silent echoes of so many samples, for who helps with its kernels."""
+    Backprojection(plan).add(np.zeros((len(plan.tx_m), n_samples), np.complex64), plan.tx_m,
+                             plan.rx_m, np.zeros(plan.grid.shape, np.complex64))

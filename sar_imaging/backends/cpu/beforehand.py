@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...compilation_helper import helped
 from ...geometry.grids import MapGrid
 from ...planning.exact.backprojection import plan_backprojection
 from ...planning.exact.groups import plan_groups
@@ -39,8 +40,26 @@ def compile_kernels(entry: str) -> None:
         ``'Backprojection'``, ``'SubapertureImager'``, or ``'SpectrumFusion'``, which stands for
         ``'form_map'``, too.
     """
-    {'Backprojection': _backprojection, 'SubapertureImager': _subapertures,
-     'SpectrumFusion': _fusion}[entry]()
+    compile_them = {'Backprojection': _backprojection, 'SubapertureImager': _subapertures,
+                    'SpectrumFusion': _fusion}[entry]
+    with helped(compile_them):
+        compile_them()
+
+
+def form_silently(plan: AfbpPlan, n_samples: int) -> None:
+    """Form an image of silence from one sub-aperture of a plan, of echoes of so many samples."""
+    from .beams import SubapertureImager
+    from .fusion import SpectrumFusion, form_map
+
+    stage, grid = plan.subapertures, plan.subapertures.fusion_grid
+    some = stage.sampling.pulses[0]
+    tx_m, number = plan.tx_m[some], np.arange(some.stop - some.start)
+    block = PulseBlock(stage.given, not stage.source.periodic, number, number,
+                       np.zeros((*tx_m.shape[:2], n_samples), np.complex64), tx_m,
+                       plan.rx_m[some])
+    fusion = SpectrumFusion(grid)
+    fusion.add(0, SubapertureImager(stage).image(0, block), float(stage.sampling.centre[0]))
+    form_map(fusion.take_polar_image(), grid, plan.grid, overwrite=True)
 
 
 def _backprojection() -> None:
