@@ -27,7 +27,8 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 
-from .support.hostile_files import CALLS, CANARY, READERS, SECRET, Reader, digests, kinds_of
+from .support.hostile.any_file import CANARY, SECRET
+from .support.hostile.readers import CALLS, READERS, Reader, digests, kinds_of
 from .support.machine import machine
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'hostile_files.json'

@@ -23,7 +23,8 @@ import tempfile
 from collections.abc import Callable, Sequence
 
 from .hostile_files import LONGEST_LINE, MEMORY_BYTES, _forked, prepare, run
-from .support import hostile_files as made
+from .support.hostile import valid
+from .support.hostile.readers import digests
 from .support.machine import machine
 
 RESULTS = pathlib.Path(__file__).parent / 'results' / 'hostile_places.json'
@@ -73,7 +74,7 @@ _PICTURE = ('image.npy', 'image.png', 'quality.json', 'report.html')
 
 
 def _two_bags(folder):
-    made._bag(folder)
+    valid.bag(folder)
     shutil.copytree(folder / 'bag', folder / 'second')
 
 
@@ -88,48 +89,48 @@ def _without_measuring():
 
 
 OUTPUTS = (
-    Output('convert to CPHD', made._bag, ('convert', '{in}/bag', '{out}/scene.cphd', '--force'),
+    Output('convert to CPHD', valid.bag, ('convert', '{in}/bag', '{out}/scene.cphd', '--force'),
            ('scene.cphd',)),
-    Output('convert CPHD to CPHD', made._cphd(), ('convert', '{in}/scene.cphd', '{out}/new.cphd',
+    Output('convert CPHD to CPHD', valid.cphd(), ('convert', '{in}/scene.cphd', '{out}/new.cphd',
                                                   '--force', '--sample-type', 'CI2'),
            ('new.cphd',)),
-    Output('convert to a recording', made._cphd(), ('convert', '{in}/scene.cphd', '{out}/new',
+    Output('convert to a recording', valid.cphd(), ('convert', '{in}/scene.cphd', '{out}/new',
                                                     '--force'), ('new/',)),
-    Output('convert to GeoTIFF', made._sicd, ('convert', '{in}/image.nitf', '{out}/map.tif',
+    Output('convert to GeoTIFF', valid.sicd, ('convert', '{in}/image.nitf', '{out}/map.tif',
                                               '--force'), ('map.tif',)),
-    Output('load', made._described(made._npy), ('load', '{in}/rail.yaml', '--output', '{out}/new',
+    Output('load', valid.described(valid.npy), ('load', '{in}/rail.yaml', '--output', '{out}/new',
                                                 '--force'), ('new/',)),
-    Output('simulate', made._costs, ('simulate', 'psf', '--output', '{out}/new', '--force'),
+    Output('simulate', valid.costs, ('simulate', 'psf', '--output', '{out}/new', '--force'),
            ('new/',)),
-    Output('simulate archive', made._costs, (
+    Output('simulate archive', valid.costs, (
         'simulate', 'archive', '--output', '{out}/survey', '--force', '--recordings', '1',
         '--lines', '1', '--pixels', '64'), ('survey/',)),
-    Output('measure-costs', made._bag, ('measure-costs', '--output', '{out}/costs.json'),
+    Output('measure-costs', valid.bag, ('measure-costs', '--output', '{out}/costs.json'),
            ('costs.json',), reads=False, before=_without_measuring),
-    Output('image', made._bag, ('image', '{in}/bag', '--output', '{out}', *_SMALL), _PICTURE),
-    Output('image, all formats', made._bag, (
+    Output('image', valid.bag, ('image', '{in}/bag', '--output', '{out}', *_SMALL), _PICTURE),
+    Output('image, all formats', valid.bag, (
         'image', '{in}/bag', '--output', '{out}', *_SMALL, '--format',
         'png,geotiff,sicd,kml,stac'),
         (*_PICTURE, 'image.tif', 'image.nitf', 'image.json', 'overlay.png', 'overlay.kml',
          'overlay.pgw', 'overlay.prj')),
-    Output('image of a volume', made._bag, (
+    Output('image of a volume', valid.bag, (
         'image', '{in}/bag', '--output', '{out}', '--size', '4', '--spacing', '0.5', '--height',
         '1'), ('volume.npy', 'cloud.ply', 'volume.png', 'quality.json')),
-    Output('archive', made._job, (
+    Output('archive', valid.job, (
         'archive', '{in}/survey.yaml', '--output', '{out}', '--workers', '1'),
         ('job.json', 'job.lock', 'plan.txt', 'summary.json', 'mosaic.tif', 'report.html',
          'catalog.json'), patient=False, memory_bytes=10**11),  # workers map much
     Output('change', _two_bags, (
         'change', '{in}/bag', '{in}/second', '--output', '{out}', *_SMALL),
            ('comparison.json', 'comparison.npz', 'report.html', 'comparison.tif')),
-    Output('doctor', made._bag, ('doctor', '{in}/bag', '--output', '{out}'),
+    Output('doctor', valid.bag, ('doctor', '{in}/bag', '--output', '{out}'),
            ('signals.png', 'doctor.json')),
     Output('calibrate', _channels, ('calibrate', '{in}/bag', '--output', '{out}/channels.yaml'),
            ('channels.yaml',)),
-    Output('radar-constant', made._bag, (
+    Output('radar-constant', valid.bag, (
         'radar-constant', '{in}/bag', '--reflector', '0', '0', '0', '--cross-section', '10',
         '--output', '{out}/radar.yaml'), ('radar.yaml',)),
-    Output('layouts', made._configuration, ('layouts', '{in}/radar.yaml', '--output', '{out}'),
+    Output('layouts', valid.configuration, ('layouts', '{in}/radar.yaml', '--output', '{out}'),
            ('radar.rviz', 'radar.foxglove.json')),
 )
 
@@ -244,7 +245,7 @@ def check(sandbox: Sandbox, status: int | str, text: str, before: dict, fresh: d
     if refused is not None and not killed and (status == 1) != refused:
         found.append('was not refused' if refused else 'was refused')
     for name, digest in before.items():
-        if made.digests(sandbox.inputs if name == 'inputs' else sandbox.others) != digest:
+        if digests(sandbox.inputs if name == 'inputs' else sandbox.others) != digest:
             found.append(f'changed {name}')
     if sandbox.out.is_dir() and not killed:
         left = [p.name for p in sandbox.out.iterdir() if p.name.startswith('.sar_imaging.')
@@ -289,8 +290,7 @@ def campaign(output: Output, names: Sequence[str] = ()) -> dict:
             before_it = [output.before, options.get('before', lambda: None)]
             if 'at most' in name or 'after' in name:  # old files stay, or new ones are whole
                 sandbox.at_each(_old)
-            before = {'inputs': made.digests(sandbox.inputs),
-                      'others': made.digests(sandbox.others)}
+            before = {'inputs': digests(sandbox.inputs), 'others': digests(sandbox.others)}
             words = [w.format(**{'in': sandbox.inputs, 'out': sandbox.out})
                      for w in output.words]
             killed = 'SIGKILL' in name
@@ -302,9 +302,9 @@ def campaign(output: Output, names: Sequence[str] = ()) -> dict:
                     before = {}  # new files are beside the old ones: see below
                 wrong = check(sandbox, status, text, before, fresh, refused, killed)
                 if name == 'a link to the inputs' and any(
-                        made.digests(folder / 'valid').get(k) != v
-                        for k, v in made.digests(sandbox.inputs).items()
-                        if k in made.digests(folder / 'valid')):
+                        digests(folder / 'valid').get(k) != v
+                        for k, v in digests(sandbox.inputs).items()
+                        if k in digests(folder / 'valid')):
                     wrong.append('changed inputs')
             finally:
                 if disk:

@@ -26,7 +26,7 @@ from collections.abc import Iterator, Sequence
 
 from sar_imaging.tools import command
 
-from .support import hostile_files as made
+from .support.hostile import valid
 
 ROOT = pathlib.Path(__file__).parent.parent
 RESULTS = ROOT / 'benchmarks' / 'results' / 'product_checks.json'
@@ -63,7 +63,7 @@ def products(folder: pathlib.Path) -> Iterator[pathlib.Path]:
         yield from _written(out, 'image', first, '--output', out, '--format', 'geotiff,sicd')
         target = folder / f'{bag} levels.tif'
         yield from _written(target, 'convert', folder / f'{bag} ground' / 'image.nitf', target)
-    made._bag(folder)  # of stepped frequency
+    valid.bag(folder)  # of stepped frequency
     for sample_type in ('CF8', 'CI4', 'CI2'):
         target = folder / f'steps FX {sample_type}.cphd'
         yield from _written(target, 'convert', folder / 'bag', target, '--domain', 'FX',
