@@ -10,7 +10,8 @@ Run from the repository root; measured data lie in ``../shared/data``::
 
 Most scenes are made directly as images (`benchmarks.support.localization_scenes`): point-spread
 function, speckle, layover and shadows of their geometry. Those of the parts *pulses* and *passes*
-go through range profiles and the imager. An accepted place is *false* where its error exceeds what
+go through range profiles and the imager. With phases, the reference is a map that was written with
+its complex image and read again. An accepted place is *false* where its error exceeds what
 its own covariance says once in a thousand times (``e' C^-1 e > 16.27``). Features of OpenCV
 (AKAZE, ORB, matched by RANSAC) are tried on the same images where version 4 of it is installed, as
 opencv-python-headless<5; it is no dependency.
@@ -24,6 +25,7 @@ import functools
 import json
 import math
 import pathlib
+import tempfile
 import time
 import tracemalloc
 from collections.abc import Callable, Iterator
@@ -39,8 +41,15 @@ from sar_imaging.exploitation.map_update import GrowingMap
 from sar_imaging.exploitation.registration import (
     LookDirection,
     Registration,
+    Speckle,
     measured_resolution_m,
     register,
+)
+from sar_imaging.formats.reference_map import (
+    Pass,
+    ReferenceMap,
+    read_reference_map,
+    write_reference_map,
 )
 from sar_imaging.geometry.grids import MapGrid, PlaneGrid
 from sar_imaging.geometry.track import plane_rotation
@@ -227,7 +236,7 @@ def passes(seed: int, n: int) -> Iterator[Trial]:
         image = _seen(platform, (places - offset) @ rotation, level * later, rng, faint_db)
         platform.apertures[0] = track
         yield from _with_and_without('passes', image, reference, offset, turned,
-                                     (believed.mean(axis=0), track.mean(axis=0)))
+                                     track.mean(axis=0))
 
 
 @functools.cache
@@ -249,12 +258,19 @@ def _seen(platform, places, amplitudes, rng=None, noise_db: float | None = None)
 
 
 def _with_and_without(kind: str, image: Image, reference: Image, translation_m, rotation_rad,
-                      phase_centres, **options) -> Iterator[Trial]:
-    """Two trials of one pair of images: by amplitudes alone, and by phases, too."""
+                      phase_centre_m, **options) -> Iterator[Trial]:
+    """Two trials of one pair of images: by amplitudes alone, and by a map that holds phases."""
     yield tried(kind, image, reference, translation_m, rotation_rad, **options)
-    yield tried(f'{kind}, phases', image, reference, translation_m, rotation_rad,
-                phase_centre_m=phase_centres[0], reference_phase_centre_m=phase_centres[1],
-                **options)
+    look = LookDirection.between(reference.grid.centre_m, phase_centre_m)
+    amplitude = dataclasses.replace(reference, samples=np.abs(reference.samples))
+    made = ReferenceMap(
+        amplitude, (Pass('first', look, 0, Speckle(reference, tuple(phase_centre_m))),),
+        np.ones(reference.shape, np.uint16), measured_resolution_m(reference), 0.0)
+    with tempfile.TemporaryDirectory() as folder:
+        write_reference_map(folder, made)
+        kept = read_reference_map(folder)
+    yield tried(f'{kind}, phases', image, kept.image, translation_m, rotation_rad,
+                speckle=kept.speckle[0], **options)
 
 
 # ------------------------------------------------------------------------------- measured
@@ -348,7 +364,7 @@ def _shared(seed: int, n: int, split: Callable[[int], tuple[np.ndarray, np.ndarr
             middle = load(name, DATA / folder).scene.grid.centre_m
         grid = MapGrid.from_size(middle, side, side, spacing)
         first, later = (block.select(part) for part in split(block.n_pulses))
-        radars = [one.tx_m.reshape(-1, 3).mean(axis=0) for one in (later, first)]
+        phase_centre = first.tx_m.reshape(-1, 3).mean(axis=0)
         reference = _formed(first, grid)
         small = MapGrid.from_size(middle, 0.7 * side, 0.7 * side, spacing)
         for k in range(n // len(_PASSES) // 2 + 1):
@@ -358,12 +374,8 @@ def _shared(seed: int, n: int, split: Callable[[int], tuple[np.ndarray, np.ndarr
             turned = math.radians(rng.uniform(-5.0, 5.0)) if k else 0.0
             image = dataclasses.replace(
                 _formed(later, _moved(small, offset, math.degrees(turned))), grid=small)
-            believed = radars[0].copy()
-            believed[:2] = (believed[:2] - middle[:2] - offset) @ plane_rotation(turned) \
-                + middle[:2]
-            yield from _with_and_without(name, image, reference, offset, turned,
-                                         (believed, radars[1]), search_m=min(5.0, side / 4),
-                                         search_deg=6.0)
+            yield from _with_and_without(name, image, reference, offset, turned, phase_centre,
+                                         search_m=min(5.0, side / 4), search_deg=6.0)
 
 
 def _places(grid: MapGrid, row, column) -> np.ndarray:

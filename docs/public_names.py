@@ -48,7 +48,8 @@ MODULES = {
     'sar_imaging.exploitation.localization': (
         'Estimate', 'Guess', 'Localizer', 'OdometryTrack', 'Refusal'),
     'sar_imaging.exploitation.registration': (
-        'Candidate', 'LookDirection', 'Registration', 'measured_resolution_m', 'register'),
+        'Candidate', 'LookDirection', 'Registration', 'Speckle', 'measured_resolution_m',
+        'register'),
     'sar_imaging.formats.pose_graph': ('PoseEdge', 'read_g2o', 'write_g2o'),
     'sar_imaging.formats.reference_map': (
         'Pass', 'ReferenceMap', 'read_reference_map', 'write_reference_map'),

@@ -7,6 +7,8 @@ A map is a folder of standard parts:
 - ``amplitude.npy``: (n_y, n_x) float32, root mean square of the passes, 0 where none saw anything;
 - ``passes.npy``: (n_y, n_x) uint16, how many passes saw a pixel;
 - ``map.json``: grid, datum, carrier, resolution, noise floor, and the look direction of each pass;
+- ``complex_0.npy`` and so on: (n_y, n_x) complex64, the image of pass 0, where it is kept. Only
+  that of a single aperture has phases that a later image may share, the map itself has none;
 - ``map.tif``: amplitude and passes for geographic information systems, where the datum is known;
 - ``obstacles.pgm`` and ``obstacles.yaml``: occupied and free ground, as Nav2's map server reads.
 """
@@ -15,12 +17,15 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import os
+import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ..exploitation.registration import LookDirection
+from ..exploitation.registration import LookDirection, Speckle
 from ..files import check_file, filling, read_text, reading, told, write_json
 from ..geometry.earth import Datum
 from ..geometry.grids import MapGrid
@@ -46,6 +51,8 @@ class Pass:
         From the middle of the map.
     stamp_ns : int
         Time of its middle pulse.
+    speckle : Speckle or None
+        Its complex image, on the grid of the map, where it is kept.
 
     Examples
     --------
@@ -58,6 +65,7 @@ class Pass:
     name: str
     look: LookDirection
     stamp_ns: int
+    speckle: Speckle | None = None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -108,6 +116,11 @@ class ReferenceMap:
     datum: Datum | None = None
     occupancy: np.ndarray | None = None
 
+    @property
+    def speckle(self) -> list[Speckle]:
+        """Complex images of passes, of those that keep one."""
+        return [one.speckle for one in self.passes if one.speckle is not None]
+
 
 def write_reference_map(folder: os.PathLike[str] | str, reference: ReferenceMap) -> list[str]:
     """Write a map; returns the names of the files.
@@ -126,7 +139,8 @@ def write_reference_map(folder: os.PathLike[str] | str, reference: ReferenceMap)
     Raises
     ------
     ValueError
-        The image lies on another grid than a `MapGrid`.
+        The image lies on another grid than a `MapGrid`, or the complex image of a pass on another
+        one than the map, or this has samples that are not finite.
     MissingExtraError
         The datum is known, and rasterio or pyproj is not installed.
 
@@ -152,13 +166,15 @@ def write_reference_map(folder: os.PathLike[str] | str, reference: ReferenceMap)
     with filling(folder) as part:
         np.save(part / 'amplitude.npy', np.asarray(image.samples, np.float32))
         np.save(part / 'passes.npy', np.asarray(reference.seen, np.uint16))
+        names = list(MAP_FILES)
+        told = [_pass_written(one, k, grid, part) for k, one in enumerate(reference.passes)]
+        names += [complex_file(k) for k, one in enumerate(told) if 'complex' in one]
         write_json(part / 'map.json', {
             'version': _VERSION, 'grid': dataclasses.asdict(grid),
             'datum': reference.datum and dataclasses.asdict(reference.datum),
             'carrier_hz': image.carrier_hz, 'resolution_m': reference.resolution_m,
             'noise_floor_db': reference.noise_floor_db,
-            'passes': [dataclasses.asdict(one) for one in reference.passes]})
-        names = list(MAP_FILES)
+            'passes': told})
         if reference.occupancy is not None:
             write_nav2_map(part, reference.occupancy, grid)
             names += ['obstacles.pgm', 'obstacles.yaml']
@@ -167,6 +183,26 @@ def write_reference_map(folder: os.PathLike[str] | str, reference: ReferenceMap)
                          grid, reference.datum)
             names.append('map.tif')
     return names
+
+
+def complex_file(number: int | str) -> str:
+    """Name of the file of the complex image of a pass."""
+    return f'complex_{number}.npy'
+
+
+def _pass_written(one: Pass, number: int, grid: MapGrid, folder: Path) -> dict[str, Any]:
+    """What map.json says of a pass, whose complex image is written."""
+    told = {'name': one.name, 'look': dataclasses.asdict(one.look), 'stamp_ns': one.stamp_ns}
+    if one.speckle is None:
+        return told
+    image = one.speckle.image
+    samples = np.ascontiguousarray(image.samples, np.complex64)
+    if image.grid != grid or samples.shape != grid.shape or not np.isfinite(samples).all():
+        raise ValueError(f'the complex image of {one.name} has samples that are not finite, or '
+                         'does not lie on the grid of the map')
+    np.save(folder / complex_file(number), samples)
+    return told | {'complex': {'phase_centre_m': [float(v) for v in one.speckle.phase_centre_m],
+                               'crc32': zlib.crc32(samples.data)}}
 
 
 def write_nav2_map(folder: Path, occupancy: np.ndarray, grid: MapGrid) -> None:
@@ -240,8 +276,10 @@ def read_reference_map(folder: os.PathLike[str] | str) -> ReferenceMap:
                 raise ValueError(f'version {tag["version"]}; expected {_VERSION}')
             grid = MapGrid(**tag['grid'])
             datum = tag['datum'] and Datum(**tag['datum'])
-            passes = tuple(Pass(one['name'], LookDirection(**one['look']), one['stamp_ns'])
-                           for one in tag['passes'])
+            passes = [Pass(one['name'], LookDirection(**one['look']), one['stamp_ns'])
+                      for one in tag['passes']]
+            kept = {k: _complex_told(**one['complex'])
+                    for k, one in enumerate(tag['passes']) if 'complex' in one}
             figures = [float(tag[name]) for name in ('carrier_hz', 'resolution_m',
                                                      'noise_floor_db')]
         except (LookupError, TypeError, ValueError, RecursionError) as error:
@@ -249,7 +287,24 @@ def read_reference_map(folder: os.PathLike[str] | str) -> ReferenceMap:
     amplitude, seen = (_array(folder / name, kind, grid) for name, kind in (
         ('amplitude.npy', np.float32), ('passes.npy', np.uint16)))
     image = Image(amplitude, grid, figures[0], Report('reference map', '', 0.0))
-    return ReferenceMap(image, passes, seen, figures[1], figures[2], datum)
+    for k, (centre_m, crc32) in kept.items():
+        path = folder / complex_file(k)
+        samples = _array(path, np.complex64, grid)
+        if zlib.crc32(samples.data) != crc32:
+            raise ValueError(f'{path} is damaged, or that of another map: expected samples whose '
+                             f'CRC is {crc32}; make the map again')
+        passes[k] = dataclasses.replace(passes[k], speckle=Speckle(
+            dataclasses.replace(image, samples=samples), centre_m))
+    return ReferenceMap(image, tuple(passes), seen, figures[1], figures[2], datum)
+
+
+def _complex_told(phase_centre_m: list[float], crc32: int
+                  ) -> tuple[tuple[float, float, float], int]:
+    """What map.json says of a complex image, checked."""
+    x, y, z = (float(v) for v in phase_centre_m)
+    if not math.isfinite(x + y + z):
+        raise ValueError(f'the phase centre {phase_centre_m} is not finite')
+    return (x, y, z), int(crc32)
 
 
 def _array(path: Path, kind: type[np.generic], grid: MapGrid) -> np.ndarray:

@@ -49,6 +49,7 @@ from sar_imaging.formats.reference_map import (
     MAP_FILES,
     Pass,
     ReferenceMap,
+    complex_file,
     read_reference_map,
     write_reference_map,
 )
@@ -121,7 +122,7 @@ FAULTS = ('images_rejected', 'images_in_other_frame', 'images_dropped', 'poses_i
 COUNTERS = ('images_received', 'images_waiting', 'poses_published', 'jumps_accepted',
             *(f'refused_{kind}' for kind in KINDS if f'refused_{kind}' not in FAULTS),
             'images_added', 'images_unsaved', 'last_std_m', 'last_std_deg',
-            'last_search_seconds')
+            'last_search_seconds', 'poses_by_speckle', 'last_coherence')
 _MOST_WAITING = 4  # images; more would be old when their turn comes
 _GRIDS = 50  # that are remembered, of images that come late
 _SETTLE_S = 0.1  # until what was sent before an image on another topic has come
@@ -152,7 +153,7 @@ class MapFolder:
 
     def look(self) -> ReferenceMap | None:
         """The map, if its files have changed and can be read."""
-        seen = [self._stamp(name) for name in MAP_FILES]
+        seen = self._stamps()
         if seen == self._seen:
             return None
         self._seen, self.problem = seen, ''
@@ -165,8 +166,12 @@ class MapFolder:
     def write(self, reference: ReferenceMap) -> list[str]:
         """Write a map into the folder, which is not read for that; names of the files."""
         names = write_reference_map(self._folder, reference)
-        self._seen = [self._stamp(name) for name in MAP_FILES]
+        self._seen = self._stamps()
         return names
+
+    def _stamps(self) -> list[tuple[int, int, int] | None]:
+        parts = sorted(path.name for path in self._folder.glob(complex_file('*')))
+        return [self._stamp(name) for name in (*MAP_FILES, *parts)]
 
     def _stamp(self, name: str) -> tuple[int, int, int] | None:
         try:
@@ -411,6 +416,9 @@ class LocalizationNode(ManagedNode):
         self._shown = estimate.map_to_odometry
         self.health.count('poses_published')
         self.health.count('jumps_accepted', int(estimate.jumped))
+        coherence = estimate.registration.coherence
+        self.health.count('poses_by_speckle', int(coherence is not None))
+        self.health.set('last_coherence', coherence or 0.0)
         self.health.set('last_std_m', estimate.std_m)
         self.health.set('last_std_deg', estimate.std_deg)
         self.health.info(str(estimate))
@@ -470,9 +478,11 @@ class LocalizationNode(ManagedNode):
             if self.parameters['map.update']:
                 self._growing = GrowingMap(reference.image, reference.seen, reference.resolution_m,
                                            self._localizer.looks)
-            grid = reference.image.grid
+            grid, n_complex = reference.image.grid, len(reference.speckle)
             self.health.info(f'map of {grid.n_x} x {grid.n_y} pixels of {grid.spacing_m:g} m from '
-                             f'{len(reference.passes)} passes')
+                             f'{len(reference.passes)} passes' + (
+                                 f', {n_complex} of them complex: complex images share their '
+                                 'speckle, remap image to image_complex' if n_complex else ''))
         problem = self._map.problem
         self.health.cause(Cause.NO_MAP, '' if self._localizer is not None else
                           f'no reference map, images are refused: {problem}')
@@ -486,7 +496,7 @@ class LocalizationNode(ManagedNode):
         if self._localizer is not None:  # of another map of the same frame
             start, std = self._localizer.map_to_odometry, [math.inf, math.inf]
         return Localizer(
-            reference.image, [one.look for one in reference.passes],
+            reference.image, [one.look for one in reference.passes], speckle=reference.speckle,
             resolution_m=reference.resolution_m, map_to_odometry=start, std_m=std[0],
             std_deg=std[1], **{name: p[name] for name in (
                 'search_m', 'search_deg', 'height_std_m', 'drift', 'drift_deg_per_m',

@@ -36,6 +36,8 @@ ARGUMENTS = (
     ('use_sim_time', '', 'true takes the time from /clock; as configured when left out'),
     ('respawn', 'false', 'true starts a node again when it has died'),
     ('map', '', 'Folder of a reference map: starts the node localization, too'),
+    ('map_images', 'image', 'Topic of the images that localization finds in it: image_complex for '
+                            'a map with complex images'),
 )
 REPLAY_ARGUMENTS = (
     ('bag', None, 'Folder of the recording'),
@@ -211,7 +213,7 @@ def _start(context: LaunchContext, names: list[str], pipeline: bool, replay: boo
         pipeline = as_bool('pipeline', arguments['pipeline'])
     ros_arguments = overrides(arguments)
     nodes = node_names(mode_of(config, arguments['mode']), pipeline=pipeline)
-    own = _localization(arguments['map'])
+    own = _localization(arguments['map'], arguments['map_images'])
     nodes = (*nodes, *own)
     respawn = as_bool('respawn', arguments['respawn'])
     replayed = _replayed(context, arguments, nodes) if replay else []
@@ -225,11 +227,13 @@ def _start(context: LaunchContext, names: list[str], pipeline: bool, replay: boo
               for name in nodes), *replayed]
 
 
-def _localization(folder: str) -> dict[str, list[str]]:
+def _localization(folder: str, images: str) -> dict[str, list[str]]:
     """Node that a reference map asks for, and its ROS arguments."""
     if not folder:
         return {}
-    return {'localization': ['-p', f'map.folder:={Path(folder).expanduser().absolute()}']}
+    remapped = [] if images == 'image' else ['-r', f'image:={images}']
+    return {'localization': ['-p', f'map.folder:={Path(folder).expanduser().absolute()}',
+                             *remapped]}
 
 
 def _check(context: LaunchContext, config: Path, ros_arguments: list[str]) -> None:

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from sar_imaging import Image, MapGrid
-from sar_imaging.exploitation.registration import LookDirection
+from sar_imaging.exploitation.registration import LookDirection, Speckle
 from sar_imaging.formats.reference_map import (
     Pass,
     ReferenceMap,
@@ -43,6 +43,77 @@ def test_a_map_comes_back(reference, tmp_path):
     assert (back.image.grid, back.image.carrier_hz) == (GRID, 9.6e9)
     assert (back.passes, back.resolution_m, back.noise_floor_db, back.datum) == (
         reference.passes, 0.6, -31.5, None)
+
+
+@pytest.fixture
+def kept(reference):
+    """The map with the complex image of its second pass."""
+    samples = np.exp(1j * np.arange(28)).astype(np.complex64).reshape(4, 7)
+    samples[0, 0] = 0
+    speckle = Speckle(dataclasses.replace(reference.image, samples=samples), (-20.0, 3.0, 7.0))
+    first, second = reference.passes
+    return dataclasses.replace(reference, passes=(
+        first, dataclasses.replace(second, speckle=speckle)))
+
+
+def test_complex_images_of_passes_come_back_and_change_nothing_else(reference, kept, tmp_path):
+    write_reference_map(tmp_path / 'before', reference)
+    names = write_reference_map(tmp_path / 'map', kept)
+    assert sorted(names) == sorted(path.name for path in (tmp_path / 'map').iterdir())
+    assert set(names) - {path.name for path in (tmp_path / 'before').iterdir()} == {
+        'complex_1.npy'}
+    back, before = (read_reference_map(tmp_path / name) for name in ('map', 'before'))
+    [speckle] = back.speckle
+    assert speckle is back.passes[1].speckle and back.passes[0] == reference.passes[0]
+    assert speckle.phase_centre_m == (-20.0, 3.0, 7.0) and speckle.turned_rad == 0.0
+    assert (speckle.image.grid, speckle.image.carrier_hz) == (GRID, 9.6e9)
+    np.testing.assert_array_equal(speckle.image.samples, kept.speckle[0].image.samples)
+    # what looks at amplitudes finds what it found
+    assert before.speckle == []
+    assert before.passes == tuple(dataclasses.replace(p, speckle=None) for p in back.passes)
+    np.testing.assert_array_equal(back.image.samples, before.image.samples)
+    told, same = (json.loads((tmp_path / name / 'map.json').read_text())
+                  for name in ('map', 'before'))
+    assert set(same['passes'][1]) == {'name', 'look', 'stamp_ns'}
+    del told['passes'][1]['complex']
+    assert told == same
+
+
+def test_complex_images_that_do_not_belong_to_the_map_are_refused_by_name(kept, tmp_path):
+    def refused(message):
+        with pytest.raises(ValueError, match=message):
+            read_reference_map(tmp_path)
+
+    write_reference_map(tmp_path, kept)
+    path, whole = tmp_path / 'complex_1.npy', (tmp_path / 'complex_1.npy').read_bytes()
+    path.write_bytes(whole[:-8])
+    refused(r'complex_1\.npy')
+    path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+    refused(r'complex_1\.npy is damaged, or that of another map: .* make the map again')
+    np.save(path, 2 * kept.speckle[0].image.samples)  # of the same place on another day
+    refused(r'complex_1\.npy is damaged, or that of another map')
+    np.save(path, np.ones((4, 7), np.complex128))
+    refused(r'complex_1\.npy.*holds complex128 \(4, 7\); map\.json tells of complex64')
+    path.unlink()
+    refused(r'complex_1\.npy cannot be read: No such file')
+    path.write_bytes(whole)
+    told = json.loads((tmp_path / 'map.json').read_text())
+    for wrong in ({}, {'phase_centre_m': [1.0, 2.0], 'crc32': 5},
+                  {'phase_centre_m': [1.0, 2.0, float('nan')], 'crc32': 5},
+                  {'phase_centre_m': [1.0, 2.0, 3.0], 'crc32': 'five'}, None):
+        told['passes'][1]['complex'] = wrong
+        (tmp_path / 'map.json').write_text(json.dumps(told))
+        refused(r'map\.json cannot be read as a reference map: it cannot be understood')
+
+
+def test_complex_images_that_are_no_part_of_the_map_are_not_written(kept, tmp_path):
+    [speckle] = kept.speckle
+    nan = np.full(GRID.shape, np.nan, np.complex64)
+    for change in ({'samples': nan}, {'grid': MapGrid((0.0, 0.0, 1.5), 7, 4, 0.25)}):
+        wrong = dataclasses.replace(speckle, image=dataclasses.replace(speckle.image, **change))
+        passes = kept.passes[0], dataclasses.replace(kept.passes[1], speckle=wrong)
+        with pytest.raises(ValueError, match='the complex image of tuesday'):
+            write_reference_map(tmp_path / 'map', dataclasses.replace(kept, passes=passes))
 
 
 def test_a_map_on_another_grid_is_refused(reference, tmp_path):

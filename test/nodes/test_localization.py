@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """localization: images and odometry over DDS become poses in a map, and faults are named."""
 
+import dataclasses
 import math
 import re
 import shutil
@@ -26,17 +27,21 @@ from msg_conversions.images import (
     map_metadata_to_message,
 )
 from msg_conversions.planar_poses import UNKNOWN_VARIANCE
-from sar_imaging import Image, MapGrid
-from sar_imaging.exploitation.registration import LookDirection
+from sar_imaging import Image, MapGrid, plan_image
+from sar_imaging.exploitation.registration import LookDirection, Speckle
 from sar_imaging.formats.reference_map import (
     Pass,
     ReferenceMap,
     read_reference_map,
     write_reference_map,
 )
+from sar_imaging.geometry.track import plane_rotation
 from sar_imaging.imaging.image import Report
 from sar_imaging.nodes import localization
 from sar_imaging.nodes.runtime.managed import AUTOSTART
+from sar_imaging.signal.pulses import concatenate
+from sar_imaging.simulation.scenarios import SCENARIOS
+from sar_imaging.simulation.trajectory import Trajectory
 
 from .conftest import LATCHED, flatten
 
@@ -70,10 +75,11 @@ class World:
 
     def write_map(self, folder):
         grid = MapGrid((0.0, 0.0, 0.0), 300, 300, 0.5)
-        image = Image(np.abs(self._image(grid)), grid, 10e9, Report('exact', '', -60.0))
+        whole = Image(self._image(grid), grid, 10e9, Report('exact', '', -60.0))
+        image = dataclasses.replace(whole, samples=np.abs(whole.samples))
+        one = Pass('monday', LookDirection(210.0, 20.0), 0, Speckle(whole, (-8.0, -5.0, 2.0)))
         write_reference_map(folder, ReferenceMap(
-            image, (Pass('monday', LookDirection(210.0, 20.0), 0),),
-            np.ones(grid.shape, np.uint16), 0.5, -20.0))
+            image, (one,), np.ones(grid.shape, np.uint16), 0.5, -20.0))
 
     def seen(self, at_s, away_m=0.0):
         """Samples and grid of an image ahead of the robot at a time."""
@@ -263,6 +269,8 @@ def test_a_map_grows_by_images_that_are_sure_and_is_written_on_request(start_nod
     assert np.unique(after.seen).tolist() == [1, 2, 3]
     # 60 m each, which moved by 5.6 m along one side
     assert np.count_nonzero(after.seen == 3) == pytest.approx(54.4 * 60.0 / 0.5**2, rel=0.05)
+    np.testing.assert_array_equal(after.speckle[0].image.samples,
+                                  before.speckle[0].image.samples)
     alone = after.seen == 1
     assert np.array_equal(after.image.samples[alone], before.image.samples[alone])
 
@@ -273,6 +281,126 @@ def test_a_map_grows_by_images_that_are_sure_and_is_written_on_request(start_nod
 
     # speckle of one look has 1.64, of three 0.39; interpolation makes it less, a wrong place more
     assert scatter(before) == pytest.approx(1.64, rel=0.1) and scatter(after) < 0.45
+
+
+class Repeated:
+    """Flights past the ground of first_pass, textured, in a frame that drifted.
+
+    A leg is 40 m in 8 s; in as many more the robot goes to where the next one begins. Images are
+    formed of simulated pulses, by the positions that the odometry tells; half of the power of the
+    ground has other speckle than before.
+    """
+
+    FRAME = np.array([30.0, -20.0, math.radians(25.0)])  # of the odometry in the map
+    LEG_S, SPEED = 16.0, 5.0
+
+    def __init__(self, observer, baselines_m):
+        self._rotation = plane_rotation(self.FRAME[2])
+        node, self._observer = observer.node, observer
+        self._images = node.create_publisher(ImageMessage, 'image', 10)
+        self._metadata = node.create_publisher(MapMetaData, 'map_metadata', LATCHED)
+        self._odometry = node.create_publisher(Odometry, 'odometry', 5000)
+        observer.subscribe(PoseWithCovarianceStamped, 'map_pose')
+        observer.wait(lambda: all(p.get_subscription_count() for p in (
+            self._images, self._metadata, self._odometry)), 'the subscriptions')
+        self._middles = np.array(baselines_m) + [-707.0, 0.0, 707.0]
+
+    def to_odometry(self, points_m):
+        """(..., 3) places of the map in the frame of the odometry."""
+        return np.concatenate([(points_m[..., :2] - self.FRAME[:2]) @ self._rotation,
+                               points_m[..., 2:]], axis=-1)
+
+    def fly(self):
+        """Send the odometry of all legs."""
+        reach = np.array([0.0, 20.0, 0.0])
+        at = np.concatenate([[m - reach, m + reach] for m in self._middles])
+        times = self.LEG_S / 2 * np.arange(len(at))
+        for t in np.arange(0.0, times[-1], 0.04):
+            place = self.to_odometry(np.array([np.interp(t, times, v) for v in at.T]))
+            message = Odometry(header=Header(stamp=stamp_of(t), frame_id='odom'))
+            p, q = message.pose.pose.position, message.pose.pose.orientation
+            p.x, p.y, p.z = place.tolist()
+            q.z, q.w = math.sin(-self.FRAME[2] / 2), math.cos(self.FRAME[2] / 2)
+            self._odometry.publish(message)
+
+    @staticmethod
+    def pulses(middle, new, seed):
+        """Range profiles from a track, some power of whose ground has other speckle; its radar."""
+        scenario, rng = SCENARIOS['first_pass'](), np.random.default_rng(seed)
+        x, y, _ = scenario.clutter.positions_m.T
+        ground = scenario.clutter.amplitudes * np.exp(
+            0.8 * np.sin(x / 2.3) * np.cos(y / 1.7) + 0.6 * np.sin(x * y / 35.0))
+        other = rng.standard_normal((len(x), 2)).view(complex)[:, 0] / math.sqrt(2)
+        now = math.sqrt(1 - new) * ground + math.sqrt(new) * np.abs(ground) * other
+        return concatenate(list(dataclasses.replace(
+            scenario, seed=seed, clutter=dataclasses.replace(scenario.clutter, amplitudes=now),
+            trajectory=Trajectory(tuple(middle), (0.0, 100.0, 0.0))).blocks()))
+
+    @classmethod
+    def write_map(cls, folder):
+        """Map of the first pass, with its complex image."""
+        block = cls.pulses((-707.0, 0.0, 707.0), 0.0, 1)
+        grid = MapGrid.from_size((0.0, 0.0, 0.0), 48.0, 48.0, 0.25)
+        image = plan_image(grid, block.radar, block.n_samples)(block)
+        one = Pass('monday', LookDirection(180.0, 45.0), 0, Speckle(
+            image, tuple(block.tx_m.reshape(-1, 3).mean(axis=0))))
+        write_reference_map(folder, ReferenceMap(
+            dataclasses.replace(image, samples=np.abs(image.samples)), (one,),
+            np.ones(grid.shape, np.uint16), 0.5, -20.0))
+
+    def image(self, leg):
+        """Complex image of a leg, on a map in the frame of the odometry."""
+        block = self.pulses(self._middles[leg], 0.5, 20 + leg)
+        block = dataclasses.replace(block, **{name: self.to_odometry(getattr(block, name))
+                                              for name in ('tx_m', 'rx_m')})
+        centre = self.to_odometry(np.zeros(3))
+        grid = MapGrid.from_size(tuple(centre), 34.0, 34.0, 0.25)
+        return plan_image(grid, block.radar, block.n_samples)(block)
+
+    def located(self, image, leg, as_complex):
+        """Error of the place of the image's middle, by a pose, and its standard deviation."""
+        count = len(self._observer.messages['map_pose'])
+        header = Header(stamp=stamp_of(self.LEG_S * leg + 4.0), frame_id='odom')
+        self._metadata.publish(map_metadata_to_message(image.grid, header.stamp))
+        self._images.publish(complex_to_message(image.samples, header) if as_complex
+                             else amplitude_to_message(np.abs(image.samples), header))
+        message = self._observer.wait_for('map_pose', count + 1)[-1]
+        q, p = message.pose.pose.orientation, message.pose.pose.position
+        planar = np.array(message.pose.covariance).reshape(6, 6)[np.ix_((0, 1, 5), (0, 1, 5))]
+        error = np.array([p.x, p.y, 2 * math.atan2(q.z, q.w)]) - [*self._middles[leg][:2], 0.0]
+        assert error @ np.linalg.solve(planar, error) < 16.3, (error, planar)
+        turned = error[2] * np.array([self._middles[leg][1], -self._middles[leg][0]])
+        return float(np.hypot(*(error[:2] + turned))), math.sqrt(planar[2, 2])
+
+
+def test_a_second_pass_along_the_track_is_located_by_its_speckle(start_node, make_observer,
+                                                                 tmp_path):
+    Repeated.write_map(tmp_path / PLACE)
+    node = start_node(NAME, {
+        'map.folder': str(tmp_path / PLACE), 'frame_id': 'odom', 'aperture_s': 7.0,
+        'pose.wait_s': 60.0, 'pose.jump_m': 3.0, 'start.x': 30.6, 'start.y': -20.4,
+        'start.heading_deg': 25.03, 'start.std_m': 1.0, 'start.std_deg': 0.05, 'drift': 0.002,
+        'drift_deg_per_m': 1e-4, 'search_m': 15.0, 'height_std_m': 0.2})
+    node.wait_for_log(NAME, 'from 1 passes, 1 of them complex: .* remap image to image_complex')
+    observer = make_observer()
+    near = [(0.3, 0.0, 1.4), (-0.5, 0.0, 0.9), (0.8, 0.0, -1.2)]
+    far = (42.0, 0.0, 42.0)  # across the line of sight; speckle is shared within some 30 m
+    robot = Repeated(observer, np.repeat([*near, far], 2, axis=0))
+    node.wait_for_log(NAME, MAP_POSE_JOINED)
+    robot.fly()
+    told = []
+    for leg in range(0, 2 * len(near), 2):
+        image = robot.image(leg)
+        told.append([robot.located(image, leg + k, bool(k)) for k in (0, 1)])
+    amplitude, phases = np.median(told, axis=0)
+    observer.wait_for_counters(NAME, poses_published=6, poses_by_speckle=3)
+    # the root of the half of the power that is the same is 0.71; reflector and noise change it
+    assert observer.counters(NAME)['last_coherence'] == pytest.approx(0.7, abs=0.1)
+    node.wait_for_log(NAME, 'by speckle of coherence 0.')
+    # a hundredth of a cell, which is 0.7 m by 0.4 m, and standard deviations of the heading alike
+    assert phases[0] < 0.01 and (phases < 0.5 * amplitude).all(), told
+    robot.located(robot.image(6), 6, True)
+    observer.wait_for_counters(NAME, poses_published=7, poses_by_speckle=3, last_coherence=0.0)
 
 
 def test_maps_of_other_radars_and_damaged_ones_are_named(start_node, make_observer, tmp_path):

@@ -75,10 +75,12 @@ def test_parameters_are_those_of_the_nodes():
 
 
 def test_a_map_starts_the_node_that_reads_it(tmp_path, monkeypatch):
-    assert launching._localization('') == {}
+    assert launching._localization('', 'image') == {}
     monkeypatch.chdir(tmp_path)
-    assert launching._localization('out/place') == {
-        'localization': ['-p', f'map.folder:={tmp_path}/out/place']}
+    place = ['-p', f'map.folder:={tmp_path}/out/place']
+    assert launching._localization('out/place', 'image') == {'localization': place}
+    assert launching._localization('out/place', 'image_complex') == {
+        'localization': [*place, '-r', 'image:=image_complex']}
     assert 'localization' in executables()
 
 

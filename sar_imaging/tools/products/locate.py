@@ -14,8 +14,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from ...exploitation.localization import farthest
-from ...exploitation.registration import LookDirection, Registration, register
+from ...exploitation.localization import farthest, nearest
+from ...exploitation.registration import (
+    LookDirection,
+    Registration,
+    measured_resolution_m,
+    register,
+)
 from ...files import filling, write_json
 from ...formats.reference_map import read_reference_map
 from ...recordings.pulse_source import SourceError, open_pulses
@@ -60,11 +65,13 @@ def run(arguments: argparse.Namespace) -> str:
                           'expected one frame')
     choice = forming.choose(source, arguments)
     image, _ = forming.form(source, choice, arguments.target_db, memory_bytes(arguments))
-    look = LookDirection.between(choice.grid.centre_m, source.track_m.mean(axis=0))
+    radar_m, cell_m = source.track_m.mean(axis=0), measured_resolution_m(image)
+    look = LookDirection.between(choice.grid.centre_m, radar_m)
     found = register(image, reference.image, search_m=arguments.search,
                      search_deg=arguments.rotation, look=look,
                      reference_look=farthest((one.look for one in reference.passes), look),
-                     height_std_m=arguments.heights)
+                     speckle=nearest(reference.speckle, choice.grid.centre_m, radar_m, cell_m),
+                     resolution_m=cell_m, height_std_m=arguments.heights)
     with filling(arguments.output) as folder:
         write_json(folder / 'location.json', describe(found))
     return f'{found}\nwritten to {arguments.output}: location.json'
@@ -81,6 +88,7 @@ def describe(found: Registration) -> dict[str, Any]:
             'pivot_m': numbers(found.pivot_m),
             'covariance': [numbers(row) for row in found.covariance],
             'false_match_probability': found.false_match_probability, 'overlap': found.overlap,
+            'coherence': found.coherence,
             'candidates': [{'translation_m': list(c.translation_m),
                             'rotation_rad': c.rotation_rad, 'overlap': c.overlap,
                             'chance': c.chance} for c in found.candidates]}

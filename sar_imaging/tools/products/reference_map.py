@@ -15,7 +15,7 @@ import numpy as np
 from scipy import ndimage
 
 from ...exploitation.obstacles import ApertureView, ObstacleDetector, ObstacleMap
-from ...exploitation.registration import LookDirection, measured_resolution_m
+from ...exploitation.registration import LookDirection, Speckle, measured_resolution_m
 from ...formats.reference_map import Pass, ReferenceMap, write_reference_map
 from ...geometry.grids import MapGrid
 from ...imaging.image import Image
@@ -24,13 +24,14 @@ from ..arguments import datum_of, memory_bytes
 from ..program import command_parser, main_of
 from . import forming
 
-_IMAGE_SHARE = forming.IMAGE_SHARE / 4  # an image, their sum, and what tells obstacles
+_IMAGES = 4  # that the memory has to hold: an image, their sum, and what tells obstacles
 _FLOOR_PIXELS = 9  # averaged along both axes
 
 _EPILOG = """\
 All are imaged on one grid, chosen for the first; the map has their mean power. Writes
 amplitude.npy, passes.npy and map.json; obstacles.pgm and obstacles.yaml for Nav2; map.tif where
-the place on the Earth is known. Provisional: later versions may write other files.
+the place on the Earth is known; complex_0.npy and so on with --complex. Provisional: later
+versions may write other files.
 
   sar-imaging map monday tuesday --output out/place
   sar-imaging locate wednesday out/place --output out/where
@@ -42,6 +43,9 @@ def parser() -> argparse.ArgumentParser:
     p = command_parser('sar-imaging map', 'Make a reference map of recordings.', _EPILOG)
     p.add_argument('files', type=Path, nargs='+', metavar='file',
                    help='folder of a recording (rosbag2), CPHD file, or description')
+    p.add_argument('--complex', action='store_true',
+                   help='keep the complex image of each recording, too, 8 bytes a pixel: one that '
+                        'comes along the same track again is located to a hundredth of a cell')
     forming.add_arguments(p)
     return p
 
@@ -66,7 +70,9 @@ def make(arguments: argparse.Namespace) -> tuple[ReferenceMap, list[str]]:
     for path in arguments.files:
         source = forming.weighted(open_pulses(path, aperture=arguments.aperture, datum=datum))
         if choice is None:
-            choice, first = forming.choose(source, arguments, _IMAGE_SHARE), source
+            n_images = _IMAGES + len(arguments.files) * arguments.complex
+            share = forming.IMAGE_SHARE / n_images
+            choice, first = forming.choose(source, arguments, share), source
             datum = source.datum  # CPHD positions come in the frame of the first file
             power = np.zeros(choice.grid.shape, np.float32)
             seen = np.zeros(choice.grid.shape, np.uint16)
@@ -77,7 +83,7 @@ def make(arguments: argparse.Namespace) -> tuple[ReferenceMap, list[str]]:
         seen += image.samples != 0
         warnings += [f'{path.name}: {text}' for text in (*source.warnings,
                                                          *image.report.warnings)]
-        passes.append(_pass(source, image, choice.grid))
+        passes.append(_pass(source, image if arguments.complex else None, choice.grid))
         try:
             view = ApertureView.of_positions(source.track_m, source.radar)
             obstacles.add(ObstacleDetector(choice.grid, view)(image.samples), len(passes))
@@ -102,9 +108,10 @@ def _check_same(source: PulseSource, first: PulseSource) -> None:
                           'recordings of one radar')
 
 
-def _pass(source: PulseSource, image: Image, grid: MapGrid) -> Pass:
-    look = LookDirection.between(grid.centre_m, source.track_m.mean(axis=0))
-    return Pass(source.path.name, look, int(np.median(source.stamp_ns)))
+def _pass(source: PulseSource, kept: Image | None, grid: MapGrid) -> Pass:
+    middle = source.track_m.mean(axis=0)
+    return Pass(source.path.name, LookDirection.between(grid.centre_m, middle),
+                int(np.median(source.stamp_ns)), kept and Speckle(kept, tuple(middle)))
 
 
 main = main_of(parser, run, quiet=True)
