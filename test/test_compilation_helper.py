@@ -20,6 +20,7 @@ from sar_imaging.simulation import SCENARIOS
 _KERNELS = """
 import os, sys, time
 from pathlib import Path
+from numpy import float32, int8
 from sar_imaging import compilation_helper
 from sar_imaging.compilation import counted, kernel_part, njit
 
@@ -95,30 +96,32 @@ def test_the_helper_compiles_the_last_kernel_and_the_block_loads_it(run, tmp_pat
     assert _compiled(tmp_path) == ['kernels.first', 'kernels.last']
 
 
-@pytest.mark.parametrize('job', ['dying_job', 'lambda: None', 'bytes(65 << 20)', 'time.sleep'])
-def test_a_helper_that_fails_changes_nothing(run, tmp_path, job):
+def test_a_helper_that_fails_changes_nothing(run):
     """It dies, the job cannot be pickled, or is too long, or raises."""
-    run('with compilation_helper.helped(' + job + '), counted() as compiled:\n'
-        '    first(1)\n'
-        '    helper() and helper().wait()\n'
-        '    assert last(1) == 3\n'
-        '    assert compiled.n == 3\n')
-    assert _compiled(tmp_path) == ['kernels.first', 'kernels.last']
+    run('for value, job in {1: dying_job, 1.5: lambda: None, 1j: bytes(65 << 20),\n'
+        '                   float32(2): time.sleep}.items():\n'
+        '    with compilation_helper.helped(job), counted() as compiled:\n'
+        '        first(value)\n'  # of a type of its own, to be compiled
+        '        helper() and helper().wait()\n'
+        '        assert last(value) == value + 2\n'
+        '        assert compiled.n == 3\n')
 
 
-@pytest.mark.parametrize('alone', [
-    'setattr(compilation_helper.compilation.config, "NUMBA_NUM_THREADS", 1)',
-    'compilation_helper._LOAD.write_text("0.5 0.4 0.3 3/200 1000")',
-    'setattr(compilation_helper, "available_bytes", lambda: 1 << 20)',
-    'setattr(sys, "frozen", True)',
-    'setattr(sys, "executable", "/usr/bin/blender")',
-    'setattr(sys, "executable", "/nowhere/python3")'])
-def test_no_helper_is_started_without_processor_memory_or_python(run, alone):
-    run(alone + '\n'
-        'with compilation_helper.helped(job):\n'
-        '    first(1)\n'
-        '    assert helper() is None\n'
-        '    assert last(1) == 3\n')
+def test_no_helper_is_started_without_processor_memory_or_python(run):
+    run('from unittest.mock import patch\n'
+        'Path("busy").write_text("0.5 0.4 0.3 3/200 1000")\n'
+        'changes = [patch.object(compilation_helper.compilation.config, "NUMBA_NUM_THREADS", 1),\n'
+        '           patch.object(compilation_helper, "_LOAD", Path("busy")),\n'
+        '           patch.object(compilation_helper, "available_bytes", lambda: 1 << 20),\n'
+        '           patch.object(sys, "frozen", True, create=True),\n'
+        '           patch.object(sys, "executable", "/usr/bin/blender"),\n'
+        '           patch.object(sys, "executable", "/nowhere/python3")]\n'
+        'for value, change in zip((1, 1.5, 1j, True, float32(2), int8(1)), changes):\n'
+        '    with change, compilation_helper.helped(job), counted() as compiled:\n'
+        '        first(value)\n'
+        '        assert helper() is None\n'
+        '        assert last(value) == value + 2\n'
+        '        assert compiled.n == 3\n')
 
 
 def test_the_helper_ends_with_the_block(run):
