@@ -103,6 +103,13 @@ def few_cells(case: RandomCase, rng):
         'case': dataclasses.replace(case, grid=grid, pulses=p)}
 
 
+def beyond(case: RandomCase, rng):
+    """Exact image or AFBP of another scene of the same seed: all that is bright lies beyond."""
+    case = campaign_case(case.traits['seed'], beyond=True)
+    *image, more = (exact if rng.random() < 0.5 else afbp)(case, rng)
+    return *image, {**more, 'case': case}
+
+
 def dark_part(case: RandomCase, rng):
     """Exact image of the darkest part of the map, a sixteenth to a quarter of it."""
     whole, *_ = exact(case, rng)
@@ -194,7 +201,7 @@ def form_live(grid, block, target_db: float, length: int, *, sliding: bool, illu
 IMAGERS = {'exact': (exact, 1), 'afbp': (afbp, 1), 'ffbp': (ffbp, 8), 'live': (live, 8),
            'sliding': (sliding, 16), 'few cells': (few_cells, 4),
            'zero-padding': (zero_padding, 8), 'wavenumber': (wavenumber, 4),
-           'dark part': (dark_part, 1)}
+           'dark part': (dark_part, 1), 'beyond': (beyond, 1)}
 
 
 def measure(case: RandomCase, name: str) -> dict:
@@ -246,11 +253,11 @@ def exceeds(entry: dict) -> bool:
             and all(_AMBIGUOUS in warning for warning in entry['warnings']))
 
 
-def campaign_case(seed: int) -> RandomCase:
+def campaign_case(seed: int, *, beyond: bool = False) -> RandomCase:
     """Case of a seed: families in turn, some of them along uneven tracks."""
     number, rest = divmod(seed, _UNEVEN_EVERY)
     track = None if rest else UNEVEN[number % len(UNEVEN)]
-    return random_case(seed, track, tuple(FAMILIES)[seed % len(FAMILIES)])
+    return random_case(seed, track, tuple(FAMILIES)[seed % len(FAMILIES)], beyond=beyond)
 
 
 def run(seeds, records: pathlib.Path) -> list[dict]:

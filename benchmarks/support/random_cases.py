@@ -86,7 +86,8 @@ FAMILIES = {'far': Family(), 'near': Family((4e9, 8e10), (0.05, 0.8), (3.0, 100.
             'wide': Family(angle_rad=(0.5, 1.8), range_m=(10.0, 1e4))}
 
 
-def random_case(seed: int, track: str | Callable | None = None, family: str = 'far') -> RandomCase:
+def random_case(seed: int, track: str | Callable | None = None, family: str = 'far', *,
+                beyond: bool = False) -> RandomCase:
     """Simulate pulses of a random radar, track and scene.
 
     Radars, ranges and apertures are those of a family. Bandwidths reach 30 % of the carrier,
@@ -103,6 +104,8 @@ def random_case(seed: int, track: str | Callable | None = None, family: str = 'f
         One of `TRACKS`, or one of your own like these; the seed chooses if left out.
     family : str
         One of `FAMILIES`.
+    beyond : bool
+        A single scatterer lies right beyond the map, instead of a scene.
 
     Returns
     -------
@@ -144,6 +147,8 @@ def random_case(seed: int, track: str | Callable | None = None, family: str = 'f
     scene = _SCENES[rng.integers(2)]
     points, amplitudes = _scatterers(rng, grid, n_pulses * azimuth / width
                                      if scene == 'everywhere' else 0.95)
+    if beyond:
+        scene, points, amplitudes = 'beyond', _beyond(rng, grid), np.ones(1)
     name = track.__name__.strip('_').replace('_', ' ')
     traits = {'seed': seed, 'family': family, 'track': name, 'range_m': range_m,
               'channels': n_channels, 'pulses': n_pulses, 'elevation_deg': math.degrees(elevation),
@@ -262,6 +267,14 @@ def _scatterers(rng, grid, extent):
         (rng.random((n, 2)) - 0.5) * extent * size, np.zeros(n)]
     strength = 10 ** (-rng.uniform(0, 1) * rng.random(n))
     return places, strength * np.exp(2j * np.pi * rng.random(n))
+
+
+def _beyond(rng, grid):
+    """(1, 3) position within half a map beyond one of its edges, metres."""
+    place = rng.uniform(-0.5, 0.5, 2)
+    place[rng.integers(2)] = rng.choice([-1, 1]) * rng.uniform(0.52, 1.0)
+    return np.array([[*(grid.centre_m[:2] + place * grid.spacing_m * [grid.n_x, grid.n_y]),
+                      grid.z_m]])
 
 
 def _with_pulses(rng, grid, tx, rx, carrier, bandwidth, points, amplitudes, traits) -> RandomCase:

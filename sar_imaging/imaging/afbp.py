@@ -21,7 +21,9 @@ from ..device_arrays import beside, on_device, to_host
 from ..geometry.polar import PolarGrid
 from ..planning.afbp.plan import AfbpPlan, plan_afbp
 from ..planning.afbp.subapertures import SubaperturePlan
+from ..planning.exact.pulse_power import PulsePower
 from ..planning.plan import AFBP_SHARES, error_budget
+from ..planning.profiles import PhaseHistory
 from ..signal.pulses import PulseBlock
 from .image import Report
 from .methods import AFBP, Method
@@ -49,6 +51,7 @@ class Afbp(Method):
             cast(Any, self.grid), self.radar, self.n_samples, tx_m, rx_m,
             target_db=options.target_db, compressed=options.compressed,
             weighting=options.weighting, illumination=self.illumination, **cast(Any, self.own))
+        self._power: PulsePower | None = None  # made when the first image is
         self._backend: Any = backends.backend(options.backend, plan)
         self._stages: Any = None  # made when the first image is
         return self.planned(
@@ -93,7 +96,18 @@ class Afbp(Method):
         if onto is not None:
             onto += samples
             samples = onto
-        return samples, self._judged(brightness.uneven_db)
+        report = self._judged(brightness.uneven_db)
+        power, at_ends = self._power_of(block)
+        return samples, dataclasses.replace(report, pulse_power=power, band_end_power=at_ends)
+
+    def _power_of(self, block: PulseBlock) -> tuple[float, float]:
+        if self._power is None:
+            plan, band = self._plan, None if self.options.compressed else PhaseHistory(
+                self.radar, self.n_samples, self.options.weighting)
+            self._power = PulsePower.of_pixels(
+                plan.grid, self.radar, self.n_samples, plan.tx_m.reshape(-1, 3),
+                plan.rx_m.reshape(-1, 3), self.illumination, band)
+        return self._power.of(self.weighted(block).samples.reshape(-1, self.n_samples))
 
     def _judged(self, uneven_db: float) -> Report:
         """The report of an image whose edges are so much brighter."""

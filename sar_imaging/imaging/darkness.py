@@ -19,7 +19,8 @@ import numpy as np
 
 from ..device_arrays import to_host
 from ..geometry.grids import Grid
-from .image import Report
+from ..planning.exact.pulse_power import side_lobes_db
+from .image import BRIGHT_SURROUNDINGS, Report
 
 if TYPE_CHECKING:
     from ..signal.pulses import PulseBlock
@@ -34,6 +35,8 @@ _MOST_DB = 100.0  # of an image that is empty
 _MOST_MEASURED = 3.5  # likewise at most: of ordinary images one in fifty is measured (measured)
 _MEASURED, _MOST_TURNS = 128, 8  # pixels at a time: 0.4 dB of standard error if errors are even
 _CERTAIN, _GOLDEN = 0.25, 0.618  # standard error over error, at which pixels are enough
+_WHY = ('it is darker than pulses as strong let expect, or holds side lobes: what is bright lies '
+        'beyond its edges; image a larger grid')
 _RUN, _RUNS = 64, 128  # pixels of a large image that tell whether it may be dark
 
 #: Values of an image by correlation at points (K, 3), metres: (K,) complex128, and (K,) bool,
@@ -60,21 +63,25 @@ def judged(report: Report, samples: np.ndarray, grid: Grid,
     if not report.pulse_power or report.predicted_error_db is None:
         return report
     even = math.prod(grid.shape) * report.pulse_power
-    power = _power_below(samples.reshape(-1), even * _MOST_MEASURED)
+    lobes_db = side_lobes_db(report.band_end_power / report.pulse_power)
+    power = _power_below(samples.reshape(-1), even * _MOST_MEASURED, lobes_db > 0)
     if power is None:
         return report
     alike = cast(Any, report.plan).echoes_alike * _ALIKE
-    if reference and samples.ndim and power and power < even * min(alike, _MOST_MEASURED):
+    doubted = lobes_db > 0 or power < even * min(alike, _MOST_MEASURED)
+    if reference and samples.ndim and power and doubted:
         error_db = _measured_db(samples, grid, reference)
         if error_db is not None:
             return _as_measured(report, error_db)
+    if BRIGHT_SURROUNDINGS in report.errors_db:  # as AFBP has seen
+        return report
     expected = even * min(alike, _MOST_ALIKE)
     dark_db = min(10 * math.log10(expected / power), _MOST_DB) if power else _MOST_DB
-    if dark_db <= _LEAST_DB:
+    excess_db = lobes_db + (dark_db if dark_db > _LEAST_DB else 0.0)
+    if not excess_db:
         return report
-    told = (f'the image is {dark_db:.1f} dB darker than pulses as strong let expect, and so much '
-            'larger may be its error: what is bright lies beyond its edges; image a larger grid',)
-    return report.amid_bright(dark_db, *(told if dark_db > _TOLD_DB else ()))
+    told = (f'the image may err {excess_db:.1f} dB more than planned: {_WHY}',)
+    return report.amid_bright(excess_db, *(told if excess_db > _TOLD_DB else ()))
 
 
 def correlated(method: Method, block: PulseBlock, points_m: np.ndarray
@@ -91,14 +98,14 @@ def correlated(method: Method, block: PulseBlock, points_m: np.ndarray
     return correlate_pulses(block, points_m, illumination=options.illumination)
 
 
-def _power_below(flat: np.ndarray, most: float) -> float | None:
-    """Power of an image that is darker; None of others, of which often a part tells."""
-    if (step := flat.size // (_RUN * _RUNS)) > 3:
+def _power_below(flat: np.ndarray, most: float, any_power: bool) -> float | None:
+    """Power of an image that is darker, or of any; None of others, of which a part may tell."""
+    if not any_power and (step := flat.size // (_RUN * _RUNS)) > 3:
         some = flat[:_RUN * _RUNS * step].reshape(_RUNS, -1)[:, :_RUN]
         if _power(some) * step > 2 * most:
             return None
     power = _power(flat)
-    return power if power < most else None
+    return power if any_power or power < most else None
 
 
 def _measured_db(samples: np.ndarray, grid: Grid, reference: Correlated) -> float | None:
@@ -136,9 +143,8 @@ def _as_measured(report: Report, error_db: float) -> Report:
     excess_db = error_db - cast(float, report.predicted_error_db)
     if excess_db <= 0:
         return report
-    told = (f'the image errs {excess_db:.1f} dB more than planned, as some of its pixels '
-            'tell, because it is darker than pulses as strong let expect: what is bright lies '
-            'beyond its edges; image a larger grid',)
+    told = (f'the image errs {excess_db:.1f} dB more than planned, as some of its pixels tell: '
+            f'{_WHY}',)
     return report.amid_bright(excess_db, *(told if excess_db > _TOLD_DB else ()))
 
 

@@ -107,7 +107,9 @@ class Exact(Method):
             if self._power is None:
                 self._power = PulsePower.of_pixels(self._pixels, self.radar, self.n_samples,
                                                    *centres, self.illumination, self._band)
-            return onto, dataclasses.replace(self.report, pulse_power=self._power.of(samples))
+            power, at_ends = self._power.of(samples)
+            return onto, dataclasses.replace(self.report, pulse_power=power,
+                                             band_end_power=at_ends)
         return onto, self.report
 
 

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from .radiometry import Radiometry
 
 
+BRIGHT_SURROUNDINGS = 'bright surroundings'  # cause of an error
+
+
 @dataclasses.dataclass(frozen=True)
 class Report:
     """How an image is formed, and what is known of it beforehand.
@@ -49,6 +52,8 @@ class Report:
     pulse_power : float or None
         Mean power of a pixel if the echoes in the image added up as noise does; None where the
         prediction does not depend on it.
+    band_end_power : float
+        What of `pulse_power` lies at the ends of the echoes' band, and not all over it.
 
     Examples
     --------
@@ -73,6 +78,7 @@ class Report:
     warnings: tuple[str, ...] = ()
     plan: Plan | str | None = dataclasses.field(default=None, compare=False)
     pulse_power: float | None = dataclasses.field(default=None, compare=False, repr=False)
+    band_end_power: float = dataclasses.field(default=0.0, compare=False, repr=False)
 
     def amid_bright(self, excess_db: float, *warnings: str) -> Report:
         """The report of an image that errs so much more, because its surroundings are bright."""
@@ -81,7 +87,7 @@ class Report:
         error_db = self.predicted_error_db + excess_db
         return dataclasses.replace(
             self, predicted_error_db=error_db, warnings=(*self.warnings, *warnings),
-            errors_db={**self.errors_db, 'bright surroundings': error_db})
+            errors_db={**self.errors_db, BRIGHT_SURROUNDINGS: error_db})
 
     def __str__(self) -> str:
         lines = [f'{self.method}: {self.reason}', *([] if self.plan is None else [str(self.plan)])]

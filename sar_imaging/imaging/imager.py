@@ -512,5 +512,7 @@ def _worse(one: Report, other: Report, *, first: bool) -> Report:
     before, after = one.predicted_error_db, other.predicted_error_db
     worse = other if before is None or after is None or after >= before else one
     powers = [r.pulse_power for r in (one, other) if r.pulse_power is not None]
-    return dataclasses.replace(worse, pulse_power=sum(powers) if powers else None, warnings=tuple(
-        dict.fromkeys((*one.warnings, *other.warnings))))
+    return dataclasses.replace(
+        worse, pulse_power=sum(powers) if powers else None,
+        band_end_power=one.band_end_power + other.band_end_power,
+        warnings=tuple(dict.fromkeys((*one.warnings, *other.warnings))))

@@ -60,13 +60,14 @@ class JudgedMethod(Method):
         plan: Any = report.plan
         echoes = self.weighted(block).samples.reshape(-1, plan.n_samples)
         at_pixels = PulsePower.of_pixels(plan.pixels, plan.radar, plan.n_samples, *plan.echoes_m)
-        power = at_pixels.of(echoes)
+        power, at_ends = at_pixels.of(echoes)
         if not power or report.predicted_error_db is None:
             return samples, report
         told = {cause: 10 * math.log10(max(error / power, 1e-30))
                 for cause, error in self.errors_of(echoes, at_pixels).items()}
         return samples, dataclasses.replace(
-            report, pulse_power=power, errors_db={**report.errors_db, **told},
+            report, pulse_power=power, band_end_power=at_ends,
+            errors_db={**report.errors_db, **told},
             predicted_error_db=total_db(report.predicted_error_db, *told.values()))
 
     def errors_of(self, echoes: np.ndarray, at_pixels: PulsePower) -> dict[str, float]:

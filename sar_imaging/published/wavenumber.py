@@ -85,7 +85,7 @@ class Wavenumber(JudgedMethod):
         """
         some, number = at_pixels.without_repetition
         few = dataclasses.replace(at_pixels, echoes=number)
-        return {'beyond the band': few.of(beyond_band(echoes[some], self.radar))}
+        return {'beyond the band': few.of(beyond_band(echoes[some], self.radar))[0]}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

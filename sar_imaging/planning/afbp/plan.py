@@ -19,6 +19,8 @@ from ...memory import IMAGE_BYTES
 from ...signal.radar import RadarParameters
 from ..ambiguities import azimuth_warnings
 from ..costs import costs
+from ..echo_power import echoes_alike
+from ..exact.points import extent, pixels_of
 from ..plan import Plan
 from ..polar_cover import PolarCover
 from ..profiles import PhaseHistory, covered_ranges, reach_warnings, some_pixels
@@ -68,6 +70,12 @@ class AfbpPlan(Plan):
     def operations(self) -> dict[str, float]:
         """How often the operations of `CostModel` are done."""
         return _operations(self.grid, self.subapertures)
+
+    @functools.cached_property
+    def echoes_alike(self) -> float:
+        """Mean number of echoes that an image does not tell apart, see `planning.echo_power`."""
+        tx_m, rx_m = (centres_m.reshape(-1, 3) for centres_m in (self.tx_m, self.rx_m))
+        return echoes_alike(tx_m, rx_m, *extent(pixels_of(self.grid)), self.subapertures.radar)
 
     def __str__(self) -> str:
         return str(self.subapertures)
