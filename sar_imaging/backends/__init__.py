@@ -20,6 +20,7 @@ from ..planning.costs import tell_costs
 from .device import DeviceError, device_backend, require_device
 
 if TYPE_CHECKING:
+    from ..planning.afbp.plan import AfbpPlan
     from ..planning.plan import Plan
     from .protocol import Backend
 
@@ -175,6 +176,18 @@ def compilation_announced() -> contextlib.AbstractContextManager[None]:
     from ..compilation import announced  # now, since Numba takes a second to load
 
     return announced()
+
+
+def compilation_helped(plan: AfbpPlan, n_samples: int
+                       ) -> contextlib.AbstractContextManager[None]:
+    """`compilation_helper.helped` for an image of echoes of so many samples."""
+    from ..compilation_helper import helped
+
+    return helped(functools.partial(_form_silently, plan, n_samples))
+
+
+def _form_silently(plan: AfbpPlan, n_samples: int) -> None:
+    importlib.import_module('.cpu.beforehand', __name__).form_silently(plan, n_samples)
 
 
 # Plans are made for the processor, wherever they are computed.

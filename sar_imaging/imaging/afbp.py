@@ -89,8 +89,9 @@ class Afbp(Method):
                              f'{s.pulses[-1].stop}')
         brightness = EdgeBrightness(plan.fusion_grid, s.coverage)
         form = self._together if hasattr(backend, 'ApertureFusion') else self._one_by_one
-        polar_image = form(plan, block, self.weights(block), brightness)
-        samples = image_of_polar(self._plan, polar_image, backend, overwrite=True)
+        with backends.compilation_helped(self._plan, block.n_samples):
+            polar_image = form(plan, block, self.weights(block), brightness)
+            samples = image_of_polar(self._plan, polar_image, backend, overwrite=True)
         if not on_device(block.samples if onto is None else onto):
             samples = to_host(samples)
         if onto is not None:
