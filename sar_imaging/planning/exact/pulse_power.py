@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 _PAIRS = 512  # of an echo and a pixel: the power of speckle is known within 0.2 dB
 # Ordinary images have a share of 0.1 at most; errors at the ends are 4 to 10 dB larger (measured)
-_AT_ENDS, _ENDS_DB = 0.4, 10.0
+_AT_ENDS, _ENDS_DB = 0.2, 10.0
 _LEAST_APART = 0.05  # of what neighbours of the three kinds tell
 _FEW, _FINER = 32, 2  # echoes, of phase histories, and samples to a cell of their profiles
 
