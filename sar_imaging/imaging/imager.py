@@ -360,7 +360,8 @@ class Imager:
         latest = self._latest[0]
         if latest.options.compressed and not self._options.compressed:
             block = self._compressor(block)
-        return correlated(latest, block, points_m)
+        with compilation_announced():
+            return correlated(latest, block, points_m)
 
     def _formed(self, number: int, block: PulseBlock, onto: np.ndarray | None = None
                 ) -> tuple[np.ndarray, Report]:

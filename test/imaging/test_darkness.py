@@ -120,6 +120,14 @@ def test_the_ends_of_a_band_are_told_from_all_of_it():
         assert least <= at_ends / power <= most
 
 
+def test_lone_samples_have_no_neighbours_to_tell_by(make_case):
+    case = make_case(1e3, pulses=16, n=24)
+    samples = np.zeros_like(case.block.samples)
+    samples[..., ::4] = 1.0
+    image = _planned(case)(dataclasses.replace(case.block, samples=samples))
+    assert np.isfinite(image.report.predicted_error_db)
+
+
 def test_raw_pulses_under_windows_are_measured():
     *_, more = dark_part(campaign_case(3391179), np.random.default_rng(1))
     case = more['case']

@@ -104,8 +104,8 @@ class PulsePower:
         one = self._sum(before, here) + self._sum(here, after)
         two = self._sum(before, after)
         both = self._sum(before, before) + self._sum(after, after)
-        if not power.real:
-            return 0.0, 0.0
+        if not (power.real and both.real):
+            return power.real, 0.0
         return power.real, power.real * _band_end_share(
             (one * np.exp(-1j * turn)).real / (power.real + 0.5 * both.real),
             (two * np.exp(-2j * turn)).real / (0.5 * both.real), self.band)
