@@ -190,9 +190,13 @@ radar = RadarParameters(carrier_hz=10e9, sample_rate_hz=200e6, bandwidth_hz=150e
                         waveform=1)
 track = np.zeros((64, 1, 3))
 track[:, 0, 1] = np.linspace(-50, 50, 64)
+path = np.hypot(10_000.0, track[..., 1:2])  # to a scatterer in the middle: no dark image
+place = (path - radar.range_start_m) / radar.sample_spacing_m
+phase = radar.wavenumber_rad_per_m * path
+samples = np.sinc(0.75 * (np.arange(256) - place)) * np.exp(-1j * phase)
 imager = plan_image(MapGrid((10_000.0, 0.0, 0.0), 64, 64, 0.5), radar, 256, method='exact')
 imager(PulseBlock(radar, True, np.arange(64), np.arange(64, dtype=np.uint32),
-                  np.ones((64, 1, 256), np.complex64), track, track))
+                  samples.astype(np.complex64), track, track))
 print(json.dumps(sorted(name for name in sys.modules if name.startswith('sar_imaging'))))
 """
 _LAYERS = """

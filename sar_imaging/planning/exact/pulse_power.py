@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from .points import ImagePoints
 
 _PAIRS = 512  # of an echo and a pixel: the power of speckle is known within 0.2 dB
-# Ordinary images have a share of 0.1 at most; errors at the ends are 4 to 10 dB larger (measured)
-_AT_ENDS, _ENDS_DB = 0.2, 10.0
+# Ordinary images have a share of 0.05 at most; errors at the ends are 4 to 10 dB larger (measured)
+_AT_ENDS, _ENDS_DB = 0.1, 10.0
 _LEAST_APART = 0.05  # of what neighbours of the three kinds tell
 _FEW, _FINER = 32, 2  # echoes, of phase histories, and samples to a cell of their profiles
 
@@ -86,7 +86,7 @@ class PulsePower:
         """Mean over the pixels, of profiles or phase histories (R, N) complex64 here or there.
 
         The second value is what of the first lies at the ends of the band, and not all over it or
-        beyond, as neighbouring samples tell.
+        beyond, as neighbouring samples tell; less where a few hold the power, which tell little.
         """
         three = self.samples + [[-1], [0], [1]]
         turn = 0.0  # radians from sample to sample in the middle of the band
@@ -106,9 +106,11 @@ class PulsePower:
         both = self._sum(before, before) + self._sum(after, after)
         if not (power.real and both.real):
             return power.real, 0.0
-        return power.real, power.real * _band_end_share(
+        share = _band_end_share(
             (one * np.exp(-1j * turn)).real / (power.real + 0.5 * both.real),
             (two * np.exp(-2j * turn)).real / (0.5 * both.real), self.band)
+        few = 0.5 * np.linalg.norm(self.share * np.abs(here) ** 2) / power.real
+        return power.real, power.real * max(share - float(few), 0.0)
 
     def _sum(self, one: np.ndarray, other: np.ndarray) -> complex:
         return complex(np.vdot(one, self.share * other))
