@@ -201,8 +201,26 @@ def correlate_pulses(blocks: PulseBlock | Iterable[PulseBlock], points: np.ndarr
                      ) -> tuple[np.ndarray, np.ndarray]:
     """Time-domain correlation (TDC) of range profiles or phase histories, summed over all blocks.
 
-    Takes little memory besides the blocks. Parameters and values as of `correlate_profiles`;
-    phase histories go through `correlate`, and cover all points.
+    Profiles go through `correlate_profiles`, phase histories through `correlate`. Takes little
+    memory besides the blocks.
+
+    Parameters
+    ----------
+    blocks : PulseBlock or iterable of PulseBlock
+        Pulses with phase centres.
+    points : (K, 3) float64
+        Positions to image, in the frame of the phase centres, metres.
+    illumination : AntennaPattern, optional
+        Two-way amplitude by which each term is multiplied; the blocks tell its pointing.
+    progress : bool
+        Show a progress bar on standard error.
+
+    Returns
+    -------
+    image : (K,) complex128
+        Image at the points.
+    covered : (K,) bool
+        As of `correlate_profiles`; phase histories cover all points.
 
     Raises
     ------

@@ -1,22 +1,25 @@
 # Copyright 2026 SAR Imaging contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Images that are darker than their pulses let expect, and err more than predicted.
+"""Images that err more than predicted, because what is bright lies beyond them.
 
 Errors have the power of the pulses, predictions are relative to that of an evenly bright image.
-What is bright beyond an image cancels out in it, its errors hardly do. Where the pulses are at
-hand, some pixels of a dark image are correlated, which measures its error. The error of an image
-that grew block by block is told by how dark it is.
+What is bright beyond an image cancels out in it, its errors hardly do: the image is dark. Or it
+holds side lobes alone, that is the ends of the band. Where the pulses are at hand, some pixels of
+such an image are correlated, which measures its error. That of an image that grew block by block
+is told by how dark it is, and by its side lobes.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from ..backends import compilation_announced
 from ..device_arrays import to_host
 from ..geometry.grids import Grid
 from ..planning.exact.pulse_power import side_lobes_db
@@ -45,7 +48,7 @@ Correlated = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 def judged(report: Report, samples: np.ndarray, grid: Grid,
-           reference: Correlated | None = None) -> Report:
+           reference: Callable[[], Correlated] | None = None) -> Report:
     """The report of an image that was formed, once its brightness is known.
 
     Parameters
@@ -57,8 +60,8 @@ def judged(report: Report, samples: np.ndarray, grid: Grid,
         The image, or those of several channels one after the other, here or on a device.
     grid : Grid
         Where the pixels of one are.
-    reference : Correlated, optional
-        What the pixels of one image should be, where its pulses are at hand.
+    reference : callable, optional
+        Gives what the pixels of one image should be, `Correlated`, where its pulses are at hand.
     """
     if not report.pulse_power or report.predicted_error_db is None:
         return report
@@ -70,7 +73,8 @@ def judged(report: Report, samples: np.ndarray, grid: Grid,
     alike = cast(Any, report.plan).echoes_alike * _ALIKE
     doubted = lobes_db > 0 or power < even * min(alike, _MOST_MEASURED)
     if reference and samples.ndim and power and doubted:
-        error_db = _measured_db(samples, grid, reference)
+        with compilation_announced():
+            error_db = _measured_db(samples, grid, reference())
         if error_db is not None:
             return _as_measured(report, error_db)
     if BRIGHT_SURROUNDINGS in report.errors_db:  # as AFBP has seen
@@ -84,9 +88,8 @@ def judged(report: Report, samples: np.ndarray, grid: Grid,
     return report.amid_bright(excess_db, *(told if excess_db > _TOLD_DB else ()))
 
 
-def correlated(method: Method, block: PulseBlock, points_m: np.ndarray
-               ) -> tuple[np.ndarray, np.ndarray]:
-    """What an image of a block by a method should be at points, see `Correlated`."""
+def correlated(method: Method, block: PulseBlock) -> Correlated:
+    """What an image of a block by a method should be."""
     from ..signal.windows import window  # few images are dark
     from .correlation import correlate_pulses
 
@@ -95,7 +98,7 @@ def correlated(method: Method, block: PulseBlock, points_m: np.ndarray
         weights = window(options.weighting, method.n_samples)
         block = dataclasses.replace(
             block, samples=block.samples * (weights / weights.sum()).astype(np.float32))
-    return correlate_pulses(block, points_m, illumination=options.illumination)
+    return functools.partial(correlate_pulses, block, illumination=options.illumination)
 
 
 def _power_below(flat: np.ndarray, most: float, any_power: bool) -> float | None:

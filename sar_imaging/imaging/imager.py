@@ -8,7 +8,7 @@ import dataclasses
 import functools
 import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -344,8 +344,8 @@ class Imager:
         self.report = reports[0]
         return self.report
 
-    def _count(self, block: PulseBlock, image: Image, reference: Correlated | None = None
-               ) -> None:
+    def _count(self, block: PulseBlock, image: Image,
+               reference: Callable[[], Correlated] | None = None) -> None:
         """Take note in an image which pulses it has got, and what is known of it by now."""
         middle = int(np.sort(block.stamp_ns)[block.n_pulses // 2])
         image.stamp_ns += ((middle - image.stamp_ns) * block.n_pulses
@@ -354,14 +354,12 @@ class Imager:
         planned = cast(Report, image.planned)
         self.report = image.report = judged(planned, image.samples, self.grid, reference)
 
-    def _correlated(self, block: PulseBlock, points_m: np.ndarray
-                    ) -> tuple[np.ndarray, np.ndarray]:
-        """What the latest image, of this block, should be at points; see `Correlated`."""
+    def _correlated(self, block: PulseBlock) -> Correlated:
+        """What the latest image, of this block, should be."""
         latest = self._latest[0]
         if latest.options.compressed and not self._options.compressed:
             block = self._compressor(block)
-        with compilation_announced():
-            return correlated(latest, block, points_m)
+        return correlated(latest, block)
 
     def _formed(self, number: int, block: PulseBlock, onto: np.ndarray | None = None
                 ) -> tuple[np.ndarray, Report]:
